@@ -1,0 +1,14 @@
+//! Geometry that knows nothing of scenes: orthonormal frames, rays, cones, warps.
+
+use glam::Vec3A;
+
+mod frame;
+mod ray;
+
+pub use frame::Frame;
+pub use ray::{Ray, offset_origin};
+
+/// Rec. 709 luminance of a scene-linear colour.
+pub fn luminance(color: Vec3A) -> f32 {
+    color.dot(Vec3A::new(0.2126, 0.7152, 0.0722))
+}
