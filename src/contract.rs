@@ -5,6 +5,8 @@
 //! Shapes use letters for lengths that a caller chooses: V vertices, T triangles, I instances,
 //! S material slots, C closures, M materials, L lights, H x W pixels.
 
+use crate::error::{Error, Result};
+
 /// Element type of a boundary array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Dtype {
@@ -107,7 +109,13 @@ pub const IMAGE: &[ArraySpec] = &[array(
 
 /// Arrays of one frame: `dualcone.SceneFrame(frame, meshes, images, arrays)`.
 pub const FRAME: &[ArraySpec] = &[
-    array("instance_mesh", U32, &["I"], "mesh", "Mesh of each instance."),
+    array(
+        "instance_mesh",
+        U32,
+        &["I"],
+        "mesh",
+        "Mesh of each instance.",
+    ),
     array(
         "instance_key",
         U64,
@@ -171,7 +179,13 @@ pub const FRAME: &[ArraySpec] = &[
         "image or -1",
         "Image that replaces the colour.",
     ),
-    array("closure_roughness", F32, &["C"], "1", "Roughness as in Blender; GGX alpha is its square."),
+    array(
+        "closure_roughness",
+        F32,
+        &["C"],
+        "1",
+        "Roughness as in Blender; GGX alpha is its square.",
+    ),
     array(
         "closure_roughness_image",
         I32,
@@ -179,8 +193,20 @@ pub const FRAME: &[ArraySpec] = &[
         "image or -1",
         "Image whose red, green and blue mean replaces the roughness.",
     ),
-    array("closure_metallic", F32, &["C"], "1", "Principled: metallic."),
-    array("closure_ior", F32, &["C"], "1", "Principled: index of refraction."),
+    array(
+        "closure_metallic",
+        F32,
+        &["C"],
+        "1",
+        "Principled: metallic.",
+    ),
+    array(
+        "closure_ior",
+        F32,
+        &["C"],
+        "1",
+        "Principled: index of refraction.",
+    ),
     array(
         "closure_specular",
         F32,
@@ -203,7 +229,13 @@ pub const FRAME: &[ArraySpec] = &[
         "W / (sr m^2)",
         "Radiance emitted by Principled and Emission closures, colour times strength.",
     ),
-    array("light_kind", U32, &["L"], "enum", "0 Sun, 1 Point, 2 Spot, 3 Area rectangle, 4 Area ellipse."),
+    array(
+        "light_kind",
+        U32,
+        &["L"],
+        "enum",
+        "0 Sun, 1 Point, 2 Spot, 3 Area rectangle, 4 Area ellipse.",
+    ),
     array(
         "light_key",
         U64,
@@ -324,4 +356,545 @@ pub struct SettingSpec {
     pub kind: Kind,
     /// Tooltip.
     pub doc: &'static str,
+}
+
+/// One render pass.
+#[derive(Debug, Clone, Copy)]
+pub struct PassSpec {
+    /// Name as Blender's render layer shows it.
+    pub name: &'static str,
+    /// Channel letters.
+    pub channels: &'static str,
+    /// Blender's pass type: COLOR, VECTOR or VALUE.
+    pub kind: &'static str,
+    /// What it is.
+    pub doc: &'static str,
+}
+
+const fn pass(
+    name: &'static str,
+    channels: &'static str,
+    kind: &'static str,
+    doc: &'static str,
+) -> PassSpec {
+    PassSpec {
+        name,
+        channels,
+        kind,
+        doc,
+    }
+}
+
+/// Every pass that a render returns.
+pub const PASSES: &[PassSpec] = &[
+    pass(
+        "Combined",
+        "RGBA",
+        "COLOR",
+        "Radiance and coverage; colour is premultiplied by alpha.",
+    ),
+    pass(
+        "Depth",
+        "Z",
+        "VALUE",
+        "Distance along the viewing axis in the first sample [m]; 1e10 for the background.",
+    ),
+    pass(
+        "Normal",
+        "XYZ",
+        "VECTOR",
+        "Mean shading normal in world space.",
+    ),
+    pass(
+        "Albedo",
+        "RGB",
+        "COLOR",
+        "Mean share of light that the surface reflects.",
+    ),
+    pass("Sample Count", "X", "VALUE", "Camera rays of the pixel."),
+    pass(
+        "Effective Samples",
+        "X",
+        "VALUE",
+        "Gather samples that the pixel's indirect light is worth, borrowed ones included.",
+    ),
+];
+
+macro_rules! settings {
+    ($($(#[doc = $doc:literal])+ $name:ident: $type:ty = $kind:expr, $label:literal;)+) => {
+        /// The settings of a render. The same table makes the add-on's properties.
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Settings {
+            $($(#[doc = $doc])+ pub $name: $type,)+
+        }
+
+        /// The settings, in the order of the panels.
+        pub const SETTINGS: &[SettingSpec] = &[
+            $(SettingSpec {
+                name: stringify!($name),
+                label: $label,
+                kind: $kind,
+                doc: concat!($($doc),+).trim_ascii(),
+            },)+
+        ];
+
+        impl Settings {
+            /// Settings from named values; what is not named keeps its default.
+            ///
+            /// # Errors
+            /// An unknown name, a value of another type or outside its range.
+            pub fn from_values(values: &[(String, Value)]) -> Result<Self> {
+                for (name, _) in values {
+                    if !SETTINGS.iter().any(|s| s.name == name) {
+                        return Err(Error::Unknown { name: name.clone() });
+                    }
+                }
+                let value = |spec: &SettingSpec| -> Result<Value> {
+                    match values.iter().find(|(name, _)| name == spec.name) {
+                        Some((_, value)) => value.clone().checked(spec),
+                        None => Ok(spec.default()),
+                    }
+                };
+                let mut specs = SETTINGS.iter();
+                let mut next = || specs.next().map_or_else(
+                    || Err(Error::Missing { field: "settings" }), value);
+                Ok(Self { $($name: next()?.into(),)+ })
+            }
+        }
+
+        impl Default for Settings {
+            fn default() -> Self {
+                let mut specs = SETTINGS.iter().map(SettingSpec::default);
+                // Both lists come from one macro, so they have one length.
+                let mut next = || specs.next().unwrap_or(Value::Bool(false));
+                Self { $($name: next().into(),)+ }
+            }
+        }
+    };
+}
+
+settings! {
+    /// How frames are rendered.
+    method: Method = Kind::Enum("DUAL_CONE", &[
+        ("DUAL_CONE", "Dual Cone", "Borrow samples from neighbouring pixels and frames, weighted per class of light"),
+        ("PAPER", "Paper", "The method of Zhou and Chen (2015) as printed, for comparison"),
+        ("PATH", "Path Tracing", "Every pixel on its own: the unbiased reference"),
+    ]), "Method";
+    /// Camera rays per pixel and frame.
+    samples: u32 = Kind::Int(64, 1, 65535), "Samples";
+    /// Changes the noise pattern, nothing else.
+    seed: u32 = Kind::Int(0, 0, 0x7fff_ffff), "Seed";
+    /// Side of the block of pixels that lend samples.
+    block: u32 = Kind::Int(7, 1, 15), "Block";
+    /// Frames that share samples, counting the frame itself.
+    window: u32 = Kind::Int(3, 1, 15), "Frames";
+    /// Paper only: which borrowed samples are tested again for visibility.
+    recheck: Recheck = Kind::Enum("LIT", &[
+        ("NONE", "None", "Trust the recorded visibility: fast, shadows leak"),
+        ("LIT", "Lit", "Test samples that found light"),
+        ("ALL", "All", "Test every sample: slow"),
+    ]), "Recheck";
+    /// Also for a still image, look at the frames around it.
+    still_window: bool = Kind::Bool(true), "Stills Look Around";
+    /// Frames of an animation that are rendered at once; more share more work and need more memory.
+    frames_together: u32 = Kind::Int(8, 1, 64), "Frames Together";
+    /// Bounces of light in all.
+    max_bounces: u32 = Kind::Int(12, 0, 1024), "Total";
+    /// Bounces off diffuse surfaces.
+    diffuse_bounces: u32 = Kind::Int(4, 0, 1024), "Diffuse";
+    /// Bounces off glossy surfaces.
+    glossy_bounces: u32 = Kind::Int(4, 0, 1024), "Glossy";
+    /// Seconds a frame may take; 0 for no limit.
+    time_limit: f32 = Kind::Float(0.0, 0.0, 1e6), "Time Limit";
+    /// Shape of the pixel filter.
+    filter: Filter = Kind::Enum("BLACKMAN_HARRIS", &[
+        ("BOX", "Box", "Sharpest"),
+        ("GAUSSIAN", "Gaussian", "Softest"),
+        ("BLACKMAN_HARRIS", "Blackman-Harris", "As Cycles by default"),
+    ]), "Pixel Filter";
+    /// Width of the pixel filter in pixels; a box is one pixel wide.
+    filter_width: f32 = Kind::Float(1.5, 0.01, 10.0), "Width";
+    /// The world is not seen by the camera.
+    film_transparent: bool = Kind::Bool(false), "Transparent";
+}
+
+/// A value handed over for a setting.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Value {
+    /// A whole number.
+    Int(i64),
+    /// A number.
+    Float(f32),
+    /// A switch.
+    Bool(bool),
+    /// A word.
+    Word(String),
+}
+
+impl Value {
+    fn checked(self, spec: &SettingSpec) -> Result<Self> {
+        let range = |value: &dyn std::fmt::Display, range: String| Error::Range {
+            field: spec.name,
+            value: value.to_string(),
+            range,
+        };
+        match (spec.kind, self) {
+            (Kind::Int(_, min, max), Value::Int(v)) => {
+                if (i64::from(min)..=i64::from(max)).contains(&v) {
+                    Ok(Value::Int(v))
+                } else {
+                    Err(range(&v, format!("{min} to {max}")))
+                }
+            }
+            (Kind::Float(_, min, max), Value::Float(v)) if (min..=max).contains(&v) => {
+                Ok(Value::Float(v))
+            }
+            (Kind::Float(_, min, max), Value::Float(v)) => {
+                Err(range(&v, format!("{min} to {max}")))
+            }
+            (Kind::Float(..), Value::Int(v)) => Value::Float(v as f32).checked(spec),
+            (Kind::Bool(_), Value::Bool(v)) => Ok(Value::Bool(v)),
+            (Kind::Enum(_, items), Value::Word(v)) => {
+                if items.iter().any(|item| item.0 == v) {
+                    Ok(Value::Word(v))
+                } else {
+                    let words: Vec<_> = items.iter().map(|item| item.0).collect();
+                    Err(range(&v, words.join(", ")))
+                }
+            }
+            (kind, v) => Err(range(&format!("{v:?}"), format!("{kind:?}"))),
+        }
+    }
+}
+
+impl SettingSpec {
+    /// The default of the setting.
+    pub fn default(&self) -> Value {
+        match self.kind {
+            Kind::Int(default, ..) => Value::Int(i64::from(default)),
+            Kind::Float(default, ..) => Value::Float(default),
+            Kind::Bool(default) => Value::Bool(default),
+            Kind::Enum(default, _) => Value::Word(default.to_owned()),
+        }
+    }
+}
+
+// A value that passed `checked` has the type of its setting, so the other arms are never taken.
+impl From<Value> for u32 {
+    fn from(value: Value) -> Self {
+        if let Value::Int(v) = value {
+            v as u32
+        } else {
+            0
+        }
+    }
+}
+
+impl From<Value> for f32 {
+    fn from(value: Value) -> Self {
+        if let Value::Float(v) = value { v } else { 0.0 }
+    }
+}
+
+impl From<Value> for bool {
+    fn from(value: Value) -> Self {
+        value == Value::Bool(true)
+    }
+}
+
+macro_rules! word {
+    ($(#[doc = $doc:literal])+ $name:ident { $($variant:ident = $word:literal),+ }) => {
+        $(#[doc = $doc])+
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        #[allow(missing_docs, reason = "the settings table describes each word")]
+        pub enum $name { $($variant),+ }
+
+        impl From<Value> for $name {
+            fn from(value: Value) -> Self {
+                let words = [$(($word, Self::$variant)),+];
+                let found = words.iter().find(|(word, _)| value == Value::Word((*word).to_owned()));
+                found.unwrap_or(&words[0]).1
+            }
+        }
+    };
+}
+
+word! {
+    /// How frames are rendered.
+    Method { DualCone = "DUAL_CONE", Paper = "PAPER", Path = "PATH" }
+}
+word! {
+    /// Which borrowed samples of the paper's method are tested again for visibility.
+    Recheck { None = "NONE", Lit = "LIT", All = "ALL" }
+}
+word! {
+    /// Shape of the pixel filter.
+    Filter { Box = "BOX", Gaussian = "GAUSSIAN", BlackmanHarris = "BLACKMAN_HARRIS" }
+}
+
+/// Numbers of a boundary array, borrowed from the caller.
+#[derive(Debug, Clone, Copy)]
+pub enum Numbers<'a> {
+    /// 32-bit floats.
+    F32(&'a [f32]),
+    /// Unsigned 32-bit integers.
+    U32(&'a [u32]),
+    /// Signed 32-bit integers.
+    I32(&'a [i32]),
+    /// Unsigned 64-bit integers.
+    U64(&'a [u64]),
+}
+
+impl Numbers<'_> {
+    /// Element type.
+    pub fn dtype(&self) -> Dtype {
+        match self {
+            Numbers::F32(_) => Dtype::F32,
+            Numbers::U32(_) => Dtype::U32,
+            Numbers::I32(_) => Dtype::I32,
+            Numbers::U64(_) => Dtype::U64,
+        }
+    }
+}
+
+/// A boundary array as received.
+#[derive(Debug, Clone)]
+pub struct Given<'a> {
+    /// Name in the contract.
+    pub name: String,
+    /// Lengths of its axes.
+    pub shape: Vec<usize>,
+    /// Its numbers, C-contiguous.
+    pub numbers: Numbers<'a>,
+}
+
+/// Boundary arrays that keep to their table: every name is there, with its type, its shape and
+/// finite numbers. Letters mean one length each throughout the table.
+#[derive(Debug)]
+pub struct Arrays<'a> {
+    given: Vec<Given<'a>>,
+    lengths: Vec<(&'static str, usize)>,
+}
+
+impl<'a> Arrays<'a> {
+    /// Holds what was given to the table `specs`.
+    ///
+    /// # Errors
+    /// The first array that is missing, unknown, of another type or shape, or not finite.
+    pub fn checked(specs: &'static [ArraySpec], given: Vec<Given<'a>>) -> Result<Self> {
+        if let Some(stranger) = given
+            .iter()
+            .find(|g| !specs.iter().any(|s| s.name == g.name))
+        {
+            return Err(Error::Unknown {
+                name: stranger.name.clone(),
+            });
+        }
+        let mut arrays = Self {
+            given,
+            lengths: Vec::new(),
+        };
+        for spec in specs {
+            let found = arrays.given.iter().position(|g| g.name == spec.name);
+            let index = found.ok_or(Error::Missing { field: spec.name })?;
+            arrays.check(spec, index)?;
+        }
+        Ok(arrays)
+    }
+
+    fn check(&mut self, spec: &'static ArraySpec, index: usize) -> Result<()> {
+        let given = &self.given[index];
+        let dtype = given.numbers.dtype();
+        if dtype != spec.dtype {
+            return Err(Error::Dtype {
+                field: spec.name,
+                expected: spec.dtype.name(),
+                got: dtype.name().to_owned(),
+            });
+        }
+        let shape = given.shape.clone();
+        let fits = shape.len() == spec.shape.len()
+            && shape
+                .iter()
+                .zip(spec.shape)
+                .all(|(&got, &want)| match want.parse() {
+                    Ok(fixed) => got == fixed,
+                    Err(_) => self.length_fits(want, got),
+                });
+        if !fits {
+            return Err(Error::Shape {
+                field: spec.name,
+                expected: print_shape(spec.shape),
+                got: print_shape(&shape),
+            });
+        }
+        let row_length = shape.iter().skip(1).product::<usize>().max(1);
+        match self.given[index].numbers {
+            Numbers::F32(values) if !spec.may_hold_nan() => {
+                match values.iter().position(|v| !v.is_finite()) {
+                    Some(at) => Err(Error::NotFinite {
+                        field: spec.name,
+                        row: at / row_length,
+                    }),
+                    None => Ok(()),
+                }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether a letter has this length everywhere; the first use sets it.
+    fn length_fits(&mut self, letter: &'static str, length: usize) -> bool {
+        match self.lengths.iter().find(|(known, _)| *known == letter) {
+            Some((_, known)) => *known == length,
+            None => {
+                self.lengths.push((letter, length));
+                true
+            }
+        }
+    }
+
+    fn numbers(&self, name: &str) -> Numbers<'a> {
+        let found = self.given.iter().find(|g| g.name == name);
+        found.map_or(Numbers::F32(&[]), |g| g.numbers)
+    }
+
+    /// Length of a letter of the table.
+    pub fn length(&self, letter: &str) -> usize {
+        let found = self.lengths.iter().find(|(known, _)| *known == letter);
+        found.map_or(0, |(_, length)| *length)
+    }
+
+    /// The numbers of a float array in the table.
+    pub fn f32s(&self, name: &str) -> &'a [f32] {
+        if let Numbers::F32(v) = self.numbers(name) {
+            v
+        } else {
+            &[]
+        }
+    }
+
+    /// The numbers of an unsigned array in the table.
+    pub fn u32s(&self, name: &str) -> &'a [u32] {
+        if let Numbers::U32(v) = self.numbers(name) {
+            v
+        } else {
+            &[]
+        }
+    }
+
+    /// The numbers of a signed array in the table.
+    pub fn i32s(&self, name: &str) -> &'a [i32] {
+        if let Numbers::I32(v) = self.numbers(name) {
+            v
+        } else {
+            &[]
+        }
+    }
+
+    /// The numbers of a 64-bit array in the table.
+    pub fn u64s(&self, name: &str) -> &'a [u64] {
+        if let Numbers::U64(v) = self.numbers(name) {
+            v
+        } else {
+            &[]
+        }
+    }
+}
+
+impl ArraySpec {
+    /// Pixels may hold NaN and infinities: files do, and one bad texel must not cost the picture.
+    /// They are counted and read as black.
+    fn may_hold_nan(&self) -> bool {
+        self.name == "pixels"
+    }
+}
+
+fn print_shape<T: std::fmt::Display>(shape: &[T]) -> String {
+    let lengths: Vec<String> = shape.iter().map(T::to_string).collect();
+    format!("({})", lengths.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn given<'a>(name: &str, shape: &[usize], numbers: Numbers<'a>) -> Given<'a> {
+        Given {
+            name: name.into(),
+            shape: shape.into(),
+            numbers,
+        }
+    }
+
+    const TABLE: &[ArraySpec] = &[
+        array("points", F32, &["V", "3"], "m", ""),
+        array("names", U32, &["V"], "", ""),
+    ];
+
+    fn check<'a>(points: Given<'a>, names: Given<'a>) -> Result<()> {
+        Arrays::checked(TABLE, vec![points, names]).map(|_| ())
+    }
+
+    #[test]
+    fn each_fault_is_named_with_its_field_and_row() {
+        let names = given("names", &[1], Numbers::U32(&[7]));
+        let good = given("points", &[1, 3], Numbers::F32(&[0.0; 3]));
+        assert_eq!(check(good.clone(), names.clone()), Ok(()));
+        let message = |e: Result<()>| e.err().map(|e| e.to_string()).unwrap_or_default();
+        assert_eq!(
+            message(check(
+                given("points", &[2, 2], Numbers::F32(&[0.0; 4])),
+                names.clone()
+            )),
+            "points: expected shape (V, 3), got (2, 2)"
+        );
+        let two = [0.0, 0.0, 0.0, 0.0, f32::NAN, 0.0];
+        let two_names = given("names", &[2], Numbers::U32(&[1, 2]));
+        assert_eq!(
+            message(check(
+                given("points", &[2, 3], Numbers::F32(&two)),
+                two_names.clone()
+            )),
+            "points[1] is not finite"
+        );
+        assert_eq!(
+            message(check(good.clone(), two_names)),
+            "names: expected shape (V), got (2)"
+        );
+        assert_eq!(
+            message(check(
+                good.clone(),
+                given("names", &[1], Numbers::I32(&[7]))
+            )),
+            "names: expected dtype uint32, got int32"
+        );
+        assert_eq!(message(check(good.clone(), good)), "names is missing");
+    }
+
+    #[test]
+    fn settings_have_defaults_and_refuse_what_is_out_of_range() {
+        let settings = Settings::from_values(&[("samples".into(), Value::Int(7))]).unwrap();
+        assert_eq!(
+            settings,
+            Settings {
+                samples: 7,
+                ..Settings::default()
+            }
+        );
+        assert_eq!(Settings::default().method, Method::DualCone);
+        assert_eq!(Settings::default().filter, Filter::BlackmanHarris);
+        for (name, value) in [
+            ("samples", Value::Int(0)),
+            ("method", Value::Word("MAGIC".into())),
+            ("time_limit", Value::Float(f32::NAN)),
+            ("still_window", Value::Int(1)),
+            ("colour", Value::Int(1)),
+        ] {
+            assert!(
+                Settings::from_values(&[(name.into(), value)]).is_err(),
+                "{name}"
+            );
+        }
+    }
 }

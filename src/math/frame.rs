@@ -19,7 +19,11 @@ impl Frame {
         let a = -1.0 / (sign + normal.z);
         let b = normal.x * normal.y * a;
         Self {
-            x: Vec3A::new(1.0 + sign * normal.x * normal.x * a, sign * b, -sign * normal.x),
+            x: Vec3A::new(
+                1.0 + sign * normal.x * normal.x * a,
+                sign * b,
+                -sign * normal.x,
+            ),
             y: Vec3A::new(b, sign + normal.y * normal.y * a, -normal.y),
             z: normal,
         }

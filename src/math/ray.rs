@@ -74,7 +74,10 @@ mod tests {
         for scale in [1e-4, 1e-2, 1.0, 1e3, 1e6] {
             let point = Vec3A::new(0.7, -1.3, 0.9) * scale;
             let step = (offset_origin(point, normal) - point).dot(normal);
-            assert!(step > 0.0 && step < 1e-3 * scale.max(0.1), "{scale}: {step}");
+            assert!(
+                step > 0.0 && step < 1e-3 * scale.max(0.1),
+                "{scale}: {step}"
+            );
         }
     }
 }
