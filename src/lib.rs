@@ -17,3 +17,4 @@
 pub mod error;
 pub mod contract;
 pub mod math;
+pub mod sampling;

@@ -2,8 +2,12 @@
 
 use glam::Vec3A;
 
+pub mod cone;
 mod frame;
 mod ray;
+#[cfg(test)]
+pub(crate) mod statistics;
+pub mod warp;
 
 pub use frame::Frame;
 pub use ray::{Ray, offset_origin};

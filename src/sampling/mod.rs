@@ -1,0 +1,5 @@
+//! Random numbers, and what they choose: directions of surfaces and of lights.
+
+mod sampler;
+
+pub use sampler::{CameraSample, LightUse, Sampler, ScatterUse};
