@@ -14,7 +14,9 @@
 //!
 //! Modules are listed in the order in which data meets them; each imports only from those above it.
 
-pub mod error;
 pub mod contract;
+pub mod error;
+#[allow(unsafe_code)]
+pub mod kernel;
 pub mod math;
 pub mod sampling;

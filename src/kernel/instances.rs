@@ -1,0 +1,52 @@
+//! The top level: a tree over the boxes of instances.
+
+use super::{simd::Portable, wide::WideTree};
+use crate::math::Ray;
+use glam::Vec3A;
+use obvhs::aabb::Aabb;
+
+/// A bounding volume hierarchy over boxes whose contents the caller knows how to intersect.
+#[derive(Debug, Clone)]
+pub struct InstanceBvh {
+    /// None when there is nothing to hit.
+    tree: Option<WideTree>,
+}
+
+impl InstanceBvh {
+    /// Builds the tree. `boxes` are lower and upper corners; those that are not finite, or empty
+    /// (a lower corner above its upper one), are never visited.
+    pub fn build(boxes: &[(Vec3A, Vec3A)]) -> Self {
+        let (ids, boxes): (Vec<u32>, Vec<Aabb>) = (0u32..)
+            .zip(boxes)
+            .filter(|(_, (lower, upper))| {
+                lower.is_finite() && upper.is_finite() && lower.cmple(*upper).all()
+            })
+            .map(|(id, &(lower, upper))| (id, Aabb::new(lower, upper)))
+            .unzip();
+        let tree = (!boxes.is_empty())
+            .then(|| WideTree::build(&boxes, 1, |members| ids[members[0] as usize]));
+        Self { tree }
+    }
+
+    /// Visits the instances whose boxes the ray meets, roughly the nearest first. `visit` gets
+    /// the instance and the largest `t` that still counts, and returns a shorter one after a hit.
+    pub fn closest(&self, ray: &Ray, mut visit: impl FnMut(u32, f32) -> Option<f32>) {
+        if let Some(tree) = &self.tree {
+            tree.nearest::<Portable>(ray, |instance, t_max| {
+                visit(instance, t_max).unwrap_or(t_max)
+            });
+        }
+    }
+
+    /// Visits the instances whose boxes the ray meets until `visit` returns true; whether it did.
+    pub fn any(&self, ray: &Ray, visit: impl FnMut(u32) -> bool) -> bool {
+        self.tree
+            .as_ref()
+            .is_some_and(|tree| tree.any::<Portable>(ray, visit))
+    }
+
+    /// Lower and upper corner of all boxes, None when there are none.
+    pub fn bounds(&self) -> Option<(Vec3A, Vec3A)> {
+        self.tree.as_ref().map(WideTree::bounds)
+    }
+}

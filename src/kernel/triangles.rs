@@ -1,0 +1,165 @@
+//! A tree over the triangles of one mesh.
+
+use super::{
+    shear::Shear,
+    simd::{LEAF_TRIANGLES, Lanes, Packet, Portable},
+    wide::WideTree,
+};
+use crate::math::Ray;
+use glam::{DVec3, Vec3, Vec3A};
+use obvhs::aabb::Aabb;
+
+/// Where a ray meets a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TriangleHit {
+    /// The ray's parameter, in units of its direction.
+    pub t: f32,
+    /// Index into the triangles the tree was built from.
+    pub triangle: u32,
+    /// Barycentric coordinate of the triangle's second vertex.
+    pub u: f32,
+    /// Barycentric coordinate of the triangle's third vertex.
+    pub v: f32,
+}
+
+/// A bounding volume hierarchy over triangles. See the [module](super) for what it promises.
+#[derive(Debug, Clone)]
+pub struct TriangleBvh {
+    /// None when there is nothing to hit.
+    tree: Option<WideTree>,
+    packets: Vec<Packet>,
+}
+
+impl TriangleBvh {
+    /// Builds the tree. `triangles` index `positions`. Triangles without area and triangles with
+    /// a vertex that is not finite are never hit.
+    pub fn build(positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
+        let corners = |id: u32| triangles[id as usize].map(|v| positions[v as usize]);
+        let (ids, boxes): (Vec<u32>, Vec<Aabb>) = (0..triangles.len() as u32)
+            .map(|id| (id, corners(id)))
+            .filter(|(_, corners)| has_area(corners))
+            .map(|(id, corners)| (id, Aabb::from_points(&corners.map(Vec3A::from))))
+            .unzip();
+        let mut packets = Vec::with_capacity(ids.len().div_ceil(2));
+        let tree = (!boxes.is_empty()).then(|| {
+            WideTree::build(&boxes, LEAF_TRIANGLES, |members| {
+                let mut packet = Packet::EMPTY;
+                for (lane, &member) in members.iter().enumerate() {
+                    let id = ids[member as usize];
+                    set_triangle(&mut packet, lane, id, corners(id));
+                }
+                packets.push(packet);
+                packets.len() as u32 - 1
+            })
+        });
+        Self { tree, packets }
+    }
+
+    /// The hit with the smallest `t` in `[t_min, t_max]`, of equal ones that of the smallest index.
+    pub fn closest_hit(&self, ray: &Ray) -> Option<TriangleHit> {
+        self.closest_hit_where(ray, |_| true)
+    }
+
+    /// Like [`closest_hit`](Self::closest_hit) among the hits that `accept` accepts.
+    ///
+    /// It is asked in no particular order, and not about every hit: it must depend on the hit only.
+    pub fn closest_hit_where(
+        &self,
+        ray: &Ray,
+        accept: impl FnMut(&TriangleHit) -> bool,
+    ) -> Option<TriangleHit> {
+        self.closest::<Portable>(ray, accept)
+    }
+
+    /// Whether anything is hit in `[t_min, t_max]`.
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        self.occluded_where(ray, |_| true)
+    }
+
+    /// Whether anything is hit that `accept` accepts, which must depend on the hit only.
+    pub fn occluded_where(&self, ray: &Ray, accept: impl FnMut(&TriangleHit) -> bool) -> bool {
+        self.any::<Portable>(ray, accept)
+    }
+
+    /// Lower and upper corner of all triangles that can be hit, None when there are none.
+    pub fn bounds(&self) -> Option<(Vec3A, Vec3A)> {
+        self.tree.as_ref().map(WideTree::bounds)
+    }
+
+    /// Memory the tree holds [bytes].
+    pub fn memory_bytes(&self) -> usize {
+        let nodes = self.tree.as_ref().map_or(0, WideTree::memory_bytes);
+        nodes + self.packets.capacity() * size_of::<Packet>()
+    }
+
+    #[inline(always)]
+    fn closest<L: Lanes>(
+        &self,
+        ray: &Ray,
+        mut accept: impl FnMut(&TriangleHit) -> bool,
+    ) -> Option<TriangleHit> {
+        let shear = Shear::new(ray);
+        let mut best: Option<TriangleHit> = None;
+        self.tree.as_ref()?.nearest::<L>(ray, |leaf, mut t_max| {
+            for hit in hits::<L>(&self.packets[leaf as usize], &shear, t_max) {
+                let nearer = match best {
+                    None => true,
+                    Some(best) => (hit.t, hit.triangle) < (best.t, best.triangle),
+                };
+                if nearer && accept(&hit) {
+                    t_max = hit.t;
+                    best = Some(hit);
+                }
+            }
+            t_max
+        });
+        best
+    }
+
+    #[inline(always)]
+    fn any<L: Lanes>(&self, ray: &Ray, mut accept: impl FnMut(&TriangleHit) -> bool) -> bool {
+        let Some(tree) = &self.tree else {
+            return false;
+        };
+        let shear = Shear::new(ray);
+        tree.any::<L>(ray, |leaf| {
+            hits::<L>(&self.packets[leaf as usize], &shear, ray.t_max).any(|hit| accept(&hit))
+        })
+    }
+}
+
+/// The hits of a packet with `t` in `[t_min, t_max]`.
+#[inline(always)]
+fn hits<'a, L: Lanes>(
+    packet: &'a Packet,
+    shear: &Shear,
+    t_max: f32,
+) -> impl Iterator<Item = TriangleHit> + 'a {
+    let (mut mask, meetings) = L::meet_triangles(packet, shear, t_max);
+    std::iter::from_fn(move || {
+        let lane = mask.trailing_zeros() as usize;
+        mask &= mask.wrapping_sub(1);
+        (lane < LEAF_TRIANGLES).then(|| TriangleHit {
+            t: meetings.t[lane],
+            triangle: packet.ids[lane],
+            u: meetings.u[lane],
+            v: meetings.v[lane],
+        })
+    })
+}
+
+fn set_triangle(packet: &mut Packet, lane: usize, id: u32, corners: [Vec3; 3]) {
+    packet.ids[lane] = id;
+    for (vertex, corner) in corners.iter().enumerate() {
+        for axis in 0..3 {
+            packet.vertices[vertex][axis][lane] = corner[axis];
+        }
+    }
+}
+
+/// False also where a coordinate is not finite. In double precision, for meshes of any size.
+fn has_area(corners: &[Vec3; 3]) -> bool {
+    let [a, b, c] = corners.map(DVec3::from);
+    let normal = (b - a).cross(c - a);
+    normal.is_finite() && normal != DVec3::ZERO
+}
