@@ -14,9 +14,10 @@
 //!
 //! Modules are listed in the order in which data meets them; each imports only from those above it.
 
-pub mod contract;
 pub mod error;
+pub mod contract;
+pub mod math;
 #[allow(unsafe_code)]
 pub mod kernel;
-pub mod math;
+pub mod scene;
 pub mod sampling;

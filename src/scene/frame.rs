@@ -1,0 +1,322 @@
+//! One frame, put together from the boundary arrays.
+
+use std::sync::Arc;
+
+use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A};
+
+use super::{Camera, Closure, ClosureKind, Image, Light, LightKind, Material, Mesh, World};
+use crate::contract::{Arrays, FRAME, Given};
+use crate::error::{Error, Result};
+
+/// A mesh, placed.
+#[derive(Debug, Clone)]
+pub struct Instance {
+    /// Index into [`SceneFrame::meshes`].
+    pub mesh: u32,
+    /// Names the same thing in every frame.
+    pub key: u64,
+    /// Placement.
+    pub world_from_object: Affine3A,
+    /// Its inverse.
+    pub object_from_world: Affine3A,
+    /// Inverse transpose of the placement's linear part, for normals.
+    pub world_from_normal: Mat3A,
+    /// Material of each slot: indices into [`SceneFrame::materials`].
+    pub materials: Vec<u32>,
+}
+
+/// Everything one frame shows.
+pub struct SceneFrame {
+    /// The frame's number.
+    pub frame: i32,
+    /// Meshes, each perhaps shared with other frames.
+    pub meshes: Vec<Arc<Mesh>>,
+    /// Placed meshes.
+    pub instances: Vec<Instance>,
+    /// Materials.
+    pub materials: Vec<Material>,
+    /// Images that the materials name.
+    pub images: Vec<Arc<Image>>,
+    /// Lamps.
+    pub lights: Vec<Light>,
+    /// The camera.
+    pub camera: Camera,
+    /// The surroundings.
+    pub world: World,
+}
+
+impl SceneFrame {
+    /// A frame from the arrays of [`FRAME`].
+    ///
+    /// # Errors
+    /// An array that breaks the contract, an index to something that is not there, a matrix without
+    /// an inverse.
+    pub fn new(
+        frame: i32,
+        meshes: Vec<Arc<Mesh>>,
+        images: Vec<Arc<Image>>,
+        given: Vec<Given>,
+    ) -> Result<Self> {
+        let arrays = Arrays::checked(FRAME, given)?;
+        let materials = materials(&arrays, images.len())?;
+        let instances = instances(&arrays, meshes.len(), materials.len())?;
+        Ok(Self {
+            frame,
+            instances,
+            lights: lights(&arrays)?,
+            camera: camera(&arrays)?,
+            world: world(&arrays, &images)?,
+            meshes,
+            materials,
+            images,
+        })
+    }
+
+    /// The mesh of an instance.
+    pub fn mesh_of(&self, instance: u32) -> &Mesh {
+        &self.meshes[self.instances[instance as usize].mesh as usize]
+    }
+
+    /// The material of a triangle; a slot that the instance does not have counts as its last, as in
+    /// Blender. `None` where the instance has no slot at all.
+    pub fn material_of(&self, instance: u32, triangle: u32) -> Option<&Material> {
+        let slots = &self.instances[instance as usize].materials;
+        let slot = self.mesh_of(instance).material_slots[triangle as usize] as usize;
+        let material = slots.get(slot.min(slots.len().checked_sub(1)?))?;
+        Some(&self.materials[*material as usize])
+    }
+
+    /// Texture coordinate at a point of a triangle.
+    pub fn uv(&self, instance: u32, triangle: u32, barycentric: Vec2) -> Vec2 {
+        let corners = &self.mesh_of(instance).corner_uvs[triangle as usize];
+        interpolate(corners, barycentric)
+    }
+
+    /// Bytes held by the meshes and images.
+    pub fn memory_bytes(&self) -> usize {
+        let meshes: usize = self.meshes.iter().map(|m| m.memory_bytes()).sum();
+        let images: usize = self.images.iter().map(|i| i.memory_bytes()).sum();
+        meshes + images
+    }
+}
+
+/// The value at barycentric coordinates (of corners 1 and 2) between three corner values.
+pub(crate) fn interpolate<T>(corners: &[T; 3], barycentric: Vec2) -> T
+where
+    T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
+{
+    let [a, b, c] = *corners;
+    a * (1.0 - barycentric.x - barycentric.y) + b * barycentric.x + c * barycentric.y
+}
+
+/// The index, if it names one of `len`; otherwise an error that names it.
+fn index(field: &'static str, row: usize, index: i64, len: usize, of: &'static str) -> Result<u32> {
+    if index >= 0 && (index as usize) < len {
+        Ok(index as u32)
+    } else {
+        Err(Error::Index {
+            field,
+            row,
+            index,
+            len,
+            of,
+        })
+    }
+}
+
+fn optional_index(
+    field: &'static str,
+    row: usize,
+    given: i32,
+    len: usize,
+    of: &'static str,
+) -> Result<Option<u32>> {
+    if given == -1 {
+        return Ok(None);
+    }
+    index(field, row, i64::from(given), len, of).map(Some)
+}
+
+/// `(first, count)` as a range, if it lies within `len`.
+fn range(
+    field: &'static str,
+    row: usize,
+    [first, count]: [u32; 2],
+    len: usize,
+    of: &'static str,
+) -> Result<std::ops::Range<usize>> {
+    let end = first as usize + count as usize;
+    if end > len {
+        index(field, row, end as i64 - 1, len, of)?;
+    }
+    Ok(first as usize..end)
+}
+
+fn color(numbers: &[f32], row: usize) -> Vec3A {
+    Vec3A::from_slice(&numbers[3 * row..])
+}
+
+/// A row-major 3 x 4 matrix.
+fn affine(numbers: &[f32], row: usize) -> Affine3A {
+    let m: &[f32] = &numbers[12 * row..12 * row + 12];
+    let column = |c: usize| Vec3::new(m[c], m[4 + c], m[8 + c]);
+    Affine3A::from_mat3_translation(Mat3::from_cols(column(0), column(1), column(2)), column(3))
+}
+
+fn inverse(field: &'static str, row: usize, matrix: Affine3A) -> Result<Affine3A> {
+    let inverse = matrix.inverse();
+    if inverse.is_finite() {
+        Ok(inverse)
+    } else {
+        Err(Error::Singular { field, row })
+    }
+}
+
+fn instances(arrays: &Arrays, meshes: usize, materials: usize) -> Result<Vec<Instance>> {
+    let slot_materials = arrays.u32s("slot_materials");
+    for (row, &material) in slot_materials.iter().enumerate() {
+        index(
+            "slot_materials",
+            row,
+            i64::from(material),
+            materials,
+            "materials",
+        )?;
+    }
+    let slots = arrays.u32s("instance_slots").as_chunks::<2>().0;
+    let rows = slots
+        .iter()
+        .zip(arrays.u32s("instance_mesh"))
+        .zip(arrays.u64s("instance_key"));
+    rows.enumerate()
+        .map(|(row, ((&slots, &mesh), &key))| {
+            let world_from_object = affine(arrays.f32s("world_from_object"), row);
+            let object_from_world = inverse("world_from_object", row, world_from_object)?;
+            let slots = range(
+                "instance_slots",
+                row,
+                slots,
+                slot_materials.len(),
+                "material slots",
+            )?;
+            Ok(Instance {
+                mesh: index("instance_mesh", row, i64::from(mesh), meshes, "meshes")?,
+                key,
+                world_from_object,
+                object_from_world,
+                world_from_normal: object_from_world.matrix3.transpose(),
+                materials: slot_materials[slots].to_vec(),
+            })
+        })
+        .collect()
+}
+
+fn materials(arrays: &Arrays, images: usize) -> Result<Vec<Material>> {
+    let kinds = arrays.u32s("closure_kind");
+    let closures = (0..kinds.len())
+        .map(|row| closure(arrays, row, images))
+        .collect::<Result<Vec<_>>>()?;
+    let rows = arrays.u32s("material_closures").as_chunks::<2>().0.iter();
+    rows.enumerate()
+        .map(|(row, &span)| {
+            let span = range("material_closures", row, span, closures.len(), "closures")?;
+            Ok(Material {
+                closures: closures[span].to_vec(),
+            })
+        })
+        .collect()
+}
+
+fn closure(arrays: &Arrays, row: usize, images: usize) -> Result<Closure> {
+    let number = arrays.u32s("closure_kind")[row];
+    let float = |name| arrays.f32s(name)[row];
+    let image = |name| optional_index(name, row, arrays.i32s(name)[row], images, "images");
+    Ok(Closure {
+        kind: ClosureKind::from_number(number).ok_or(Error::Index {
+            field: "closure_kind",
+            row,
+            index: i64::from(number),
+            len: 5,
+            of: "kinds of closure",
+        })?,
+        weight: float("closure_weight"),
+        color: color(arrays.f32s("closure_color"), row),
+        color_image: image("closure_color_image")?,
+        roughness: float("closure_roughness"),
+        roughness_image: image("closure_roughness_image")?,
+        metallic: float("closure_metallic"),
+        ior: float("closure_ior"),
+        specular: float("closure_specular"),
+        alpha: float("closure_alpha"),
+        alpha_image: image("closure_alpha_image")?,
+        emission: color(arrays.f32s("closure_emission"), row),
+    })
+}
+
+fn lights(arrays: &Arrays) -> Result<Vec<Light>> {
+    let kinds = arrays.u32s("light_kind").iter().enumerate();
+    kinds.map(|(row, &kind)| light(arrays, row, kind)).collect()
+}
+
+fn light(arrays: &Arrays, row: usize, kind: u32) -> Result<Light> {
+    let size: [f32; 2] = arrays.f32s("light_size").as_chunks::<2>().0[row];
+    let [cone_angle, blend] = arrays.f32s("light_spot").as_chunks::<2>().0[row];
+    let soft_falloff = arrays.u32s("light_soft_falloff")[row] != 0;
+    let radius = size[0];
+    let kind = match kind {
+        0 => LightKind::Sun { angle: size[0] },
+        1 => LightKind::Point {
+            radius,
+            soft_falloff,
+        },
+        2 => LightKind::Spot {
+            radius,
+            soft_falloff,
+            cone_angle,
+            blend,
+        },
+        3 => LightKind::AreaRectangle { size },
+        4 => LightKind::AreaEllipse { size },
+        _ => {
+            return Err(Error::Index {
+                field: "light_kind",
+                row,
+                index: i64::from(kind),
+                len: 5,
+                of: "kinds of light",
+            });
+        }
+    };
+    let world_from_light = affine(arrays.f32s("world_from_light"), row);
+    inverse("world_from_light", row, world_from_light)?;
+    Ok(Light {
+        kind,
+        key: arrays.u64s("light_key")[row],
+        world_from_light,
+        power: color(arrays.f32s("light_power"), row),
+        camera_visible: arrays.u32s("light_camera_visible")[row] != 0,
+    })
+}
+
+fn camera(arrays: &Arrays) -> Result<Camera> {
+    let mut rows = [0.0; 16];
+    rows.copy_from_slice(arrays.f32s("clip_from_camera"));
+    let clip = arrays.f32s("camera_clip");
+    Camera::new(
+        affine(arrays.f32s("world_from_camera"), 0),
+        Mat4::from_cols_array(&rows).transpose(),
+        [clip[0], clip[1]],
+    )
+}
+
+fn world(arrays: &Arrays, images: &[Arc<Image>]) -> Result<World> {
+    let given = arrays.i32s("world_image")[0];
+    let image = optional_index("world_image", 0, given, images.len(), "images")?;
+    let mut rows = [0.0; 9];
+    rows.copy_from_slice(arrays.f32s("environment_from_world"));
+    Ok(World {
+        radiance: color(arrays.f32s("world_radiance"), 0),
+        image: image.map(|i| images[i as usize].clone()),
+        environment_from_world: Mat3A::from_cols_array(&rows).transpose(),
+    })
+}

@@ -1,0 +1,56 @@
+//! Lamps. Surfaces that glow are meshes, the world is in `world`.
+
+use glam::{Affine3A, Vec3A};
+
+/// The shape of a lamp.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LightKind {
+    /// Parallel light from a disk in the sky.
+    Sun {
+        /// Angular diameter [rad].
+        angle: f32,
+    },
+    /// A sphere.
+    Point {
+        /// Radius [m].
+        radius: f32,
+        /// Blender's Soft Falloff.
+        soft_falloff: bool,
+    },
+    /// A sphere that shines into a cone.
+    Spot {
+        /// Radius [m].
+        radius: f32,
+        /// Blender's Soft Falloff.
+        soft_falloff: bool,
+        /// Full angle of the cone [rad].
+        cone_angle: f32,
+        /// Share of the cone over which the light fades.
+        blend: f32,
+    },
+    /// A rectangle that shines to one side.
+    AreaRectangle {
+        /// Side lengths along x and y [m].
+        size: [f32; 2],
+    },
+    /// An ellipse that shines to one side.
+    AreaEllipse {
+        /// Diameters along x and y [m].
+        size: [f32; 2],
+    },
+}
+
+/// A lamp of the scene.
+#[derive(Debug, Clone, Copy)]
+pub struct Light {
+    /// Shape.
+    pub kind: LightKind,
+    /// Names the same light in every frame.
+    pub key: u64,
+    /// Placement without scale; it shines along its own -Z.
+    pub world_from_light: Affine3A,
+    /// Power [W] by colour; irradiance [W / m^2] for a sun.
+    pub power: Vec3A,
+    /// Whether camera rays see it.
+    pub camera_visible: bool,
+}
