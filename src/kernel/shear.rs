@@ -1,4 +1,4 @@
-//! The watertight triangle test: the scalar form, which is also the oracle of the vector forms.
+//! What the watertight triangle test knows of a ray, and its rare case.
 
 use crate::math::Ray;
 use glam::Vec3A;
@@ -15,14 +15,6 @@ pub struct Shear {
     pub t_min: f32,
 }
 
-/// Where a ray meets a triangle: parameter, and barycentrics of vertices 1 and 2.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Meeting {
-    pub t: f32,
-    pub u: f32,
-    pub v: f32,
-}
-
 impl Shear {
     pub fn new(ray: &Ray) -> Self {
         let d = ray.direction.to_array();
@@ -34,45 +26,6 @@ impl Shear {
             shear: [d[axes[0]] / d[z], d[axes[1]] / d[z], 1.0 / d[z]],
             t_min: ray.t_min,
         }
-    }
-
-    /// The triangle's meeting with the ray in `[t_min, t_max]`, from either side.
-    #[cfg(test)]
-    pub fn meet(&self, triangle: [glam::Vec3; 3], t_max: f32) -> Option<Meeting> {
-        let [a, b, c] = triangle.map(|p| self.transform(p.to_array()));
-        let mut edges = [
-            c[0] * b[1] - c[1] * b[0],
-            a[0] * c[1] - a[1] * c[0],
-            b[0] * a[1] - b[1] * a[0],
-        ];
-        if edges.contains(&0.0) {
-            edges = exact_edges([a[0], b[0], c[0]], [a[1], b[1], c[1]]);
-        }
-        let [u, v, w] = edges;
-        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
-            return None;
-        }
-        let determinant = u + v + w;
-        if determinant == 0.0 {
-            return None;
-        }
-        let t = (u * a[2] + v * b[2] + w * c[2]) / determinant;
-        (t >= self.t_min && t <= t_max).then(|| Meeting {
-            t,
-            u: v / determinant,
-            v: w / determinant,
-        })
-    }
-
-    /// A vertex in the space in which the ray starts at the origin and runs along +Z.
-    #[cfg(test)]
-    fn transform(&self, vertex: [f32; 3]) -> [f32; 3] {
-        let [x, y, z] = self.axes.map(|k| vertex[k] - self.origin[k]);
-        [
-            x - self.shear[0] * z,
-            y - self.shear[1] * z,
-            self.shear[2] * z,
-        ]
     }
 }
 

@@ -1,8 +1,11 @@
 //! The kernel against its slow twins: the scalar watertight test over all triangles, bit by bit,
 //! and a textbook test in double precision.
 
-use super::{InstanceBvh, TriangleBvh, TriangleHit, shear::Shear};
-use crate::math::Ray;
+use super::{
+    InstanceBvh, TriangleBvh, TriangleHit,
+    shear::{Shear, exact_edges},
+};
+use crate::math::{Ray, statistics::Random};
 use glam::{DVec3, Vec3, Vec3A, vec3};
 
 /// A mesh by value.
@@ -11,26 +14,46 @@ struct Mesh {
     triangles: Vec<[u32; 3]>,
 }
 
-/// SplitMix64: enough for scattering test rays.
-struct Random(u64);
+/// In [-1, 1).
+fn signed(random: &mut Random) -> f32 {
+    2.0 * random.next() - 1.0
+}
 
-impl Random {
-    /// In [-1, 1).
-    fn signed(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 / (1 << 23) as f32 - 1.0
-    }
+/// In the cube of half edge 1.
+fn point(random: &mut Random) -> Vec3 {
+    vec3(signed(random), signed(random), signed(random))
+}
 
-    fn point(&mut self) -> Vec3 {
-        vec3(self.signed(), self.signed(), self.signed())
+/// The twin: the watertight test of Woop et al. 2013, Appendix A, one triangle at a time.
+fn meet(shear: &Shear, triangle: u32, corners: [Vec3; 3], t_max: f32) -> Option<TriangleHit> {
+    let [a, b, c] = corners.map(|corner| {
+        let [x, y, z] = shear.axes.map(|k| corner[k] - shear.origin[k]);
+        let [sx, sy, sz] = shear.shear;
+        vec3(x - sx * z, y - sy * z, sz * z)
+    });
+    let mut edges = [
+        c.x * b.y - c.y * b.x,
+        a.x * c.y - a.y * c.x,
+        b.x * a.y - b.y * a.x,
+    ];
+    if edges.contains(&0.0) {
+        edges = exact_edges([a.x, b.x, c.x], [a.y, b.y, c.y]);
     }
-
-    fn below(&mut self, n: usize) -> usize {
-        ((self.signed() + 1.0) * 0.5 * n as f32) as usize
+    let [u, v, w] = edges;
+    if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+        return None;
     }
+    let determinant = u + v + w;
+    if determinant == 0.0 {
+        return None;
+    }
+    let t = (u * a.z + v * b.z + w * c.z) / determinant;
+    (t >= shear.t_min && t <= t_max).then(|| TriangleHit {
+        t,
+        triangle,
+        u: v / determinant,
+        v: w / determinant,
+    })
 }
 
 impl Mesh {
@@ -46,8 +69,8 @@ impl Mesh {
     fn soup(count: usize, scale: f32, size: f32, random: &mut Random) -> Self {
         let mut positions = Vec::new();
         for _ in 0..count {
-            let center = random.point() * scale;
-            positions.extend([(); 3].map(|()| center + random.point() * size));
+            let center = point(random) * scale;
+            positions.extend([(); 3].map(|()| center + point(random) * size));
         }
         let triangles = (0..count as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]);
         Self {
@@ -109,18 +132,11 @@ impl Mesh {
     /// All hits by the scalar test.
     fn hits(&self, ray: &Ray) -> impl Iterator<Item = TriangleHit> {
         let shear = Shear::new(ray);
-        (0..self.triangles.len()).filter_map(move |i| {
-            let meeting = shear.meet(self.corners(i), ray.t_max)?;
-            Some(TriangleHit {
-                t: meeting.t,
-                triangle: i as u32,
-                u: meeting.u,
-                v: meeting.v,
-            })
-        })
+        (0..self.triangles.len())
+            .filter_map(move |i| meet(&shear, i as u32, self.corners(i), ray.t_max))
     }
 
-    /// The twin: the first of all hits by the scalar test.
+    /// The first of all hits by the scalar test.
     fn brute_force(&self, ray: &Ray) -> Option<TriangleHit> {
         self.hits(ray)
             .min_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)))
@@ -130,10 +146,10 @@ impl Mesh {
 /// Rays from around the mesh, half of them aimed at a random triangle, with bounds on `t`.
 fn rays(mesh: &Mesh, scale: f32, count: usize, random: &mut Random) -> Vec<Ray> {
     let ray = |i: usize, random: &mut Random| {
-        let origin = random.point() * scale * 1.5;
-        let mut direction = random.point() * scale;
+        let origin = point(random) * scale * 1.5;
+        let mut direction = point(random) * scale;
         if i.is_multiple_of(2) && !mesh.triangles.is_empty() {
-            let [a, b, c] = mesh.corners(random.below(mesh.triangles.len()));
+            let [a, b, c] = mesh.corners((random.next() * mesh.triangles.len() as f32) as usize);
             direction = (a + b + c) / 3.0 - origin;
         }
         if i.is_multiple_of(5) {
@@ -164,7 +180,7 @@ fn assert_twins(mesh: &Mesh, rays: &[Ray]) {
 
 #[test]
 fn soups_of_every_size_and_scale_have_the_hits_of_the_brute_force_twin() {
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     for count in [1, 2, 3, 4, 5, 9, 33, 500, 3000] {
         for scale in [1e-4, 1.0, 1e6] {
             let mesh = Mesh::soup(count, scale, 0.3 * scale, &mut random);
@@ -175,7 +191,7 @@ fn soups_of_every_size_and_scale_have_the_hits_of_the_brute_force_twin() {
 
 #[test]
 fn thin_triangles_far_from_the_origin_have_the_hits_of_the_twin() {
-    let mut random = Random(2);
+    let mut random = Random::new(2);
     let mut mesh = Mesh::soup(1000, 1.0, 0.5, &mut random);
     for position in &mut mesh.positions {
         *position = *position * vec3(1.0, 1e-3, 1.0) + vec3(0.0, 300.0, -5000.0);
@@ -189,7 +205,7 @@ fn thin_triangles_far_from_the_origin_have_the_hits_of_the_twin() {
 
 #[test]
 fn hits_agree_with_a_textbook_test_in_double_precision() {
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     let mesh = Mesh::soup(300, 1.0, 0.4, &mut random);
     let bvh = mesh.build();
     let mut compared = 0;
@@ -229,7 +245,7 @@ fn hits_agree_with_a_textbook_test_in_double_precision() {
 
 #[test]
 fn no_ray_leaves_a_closed_mesh_through_an_edge_or_vertex() {
-    let mut random = Random(4);
+    let mut random = Random::new(4);
     for (center, radius) in [
         (Vec3::ZERO, 1.0),
         (Vec3::ZERO, 1e-4),
@@ -239,10 +255,10 @@ fn no_ray_leaves_a_closed_mesh_through_an_edge_or_vertex() {
         let mesh = Mesh::pebble(24, center, radius);
         let bvh = mesh.build();
         for _ in 0..40 {
-            let origin = center + random.point() * radius * 0.4;
+            let origin = center + point(&mut random) * radius * 0.4;
             for triangle in 0..mesh.triangles.len() {
                 let [a, b, c] = mesh.corners(triangle);
-                let share = 0.5 + 0.5 * random.signed();
+                let share = 0.5 + 0.5 * signed(&mut random);
                 for target in [a, a + (b - a) * share, (b + c) * 0.5] {
                     let ray = Ray::new(origin.into(), (target - origin).into());
                     assert!(bvh.closest_hit(&ray).is_some(), "{ray:?}");
@@ -315,7 +331,7 @@ fn barycentrics_name_the_second_and_third_vertex() {
 
 #[test]
 fn refused_hits_do_not_count() {
-    let mut random = Random(5);
+    let mut random = Random::new(5);
     let mesh = Mesh::soup(400, 1.0, 0.5, &mut random);
     let bvh = mesh.build();
     let accept = |hit: &TriangleHit| hit.triangle.is_multiple_of(3) && hit.u < 0.5;
@@ -343,7 +359,7 @@ fn meshes_without_area_are_never_hit() {
 
 #[test]
 fn rays_that_are_not_rays_meet_nothing_and_end() {
-    let mut random = Random(6);
+    let mut random = Random::new(6);
     let bvh = Mesh::soup(500, 1.0, 0.5, &mut random).build();
     for bad in [0.0, 1e-40, f32::NAN, f32::INFINITY, f32::MAX] {
         for direction in [Vec3A::splat(bad), Vec3A::new(bad, 0.0, 0.0)] {
@@ -369,13 +385,13 @@ fn trees_deeper_than_usual_work() {
         positions,
         triangles,
     };
-    let rays = rays(&mesh, 1.0, 500, &mut Random(7));
+    let rays = rays(&mesh, 1.0, 500, &mut Random::new(7));
     assert_twins(&mesh, &rays);
 }
 
 #[test]
 fn bounds_hold_all_vertices() {
-    let mesh = Mesh::soup(100, 3.0, 0.5, &mut Random(8));
+    let mesh = Mesh::soup(100, 3.0, 0.5, &mut Random::new(8));
     let (lower, upper) = mesh.build().bounds().unwrap();
     let fold = |f: fn(Vec3, Vec3) -> Vec3| mesh.positions.iter().copied().reduce(f).unwrap();
     assert_eq!(Vec3::from(lower), fold(Vec3::min));
@@ -384,11 +400,11 @@ fn bounds_hold_all_vertices() {
 
 #[test]
 fn instances_are_visited_where_a_loop_over_boxes_meets_them() {
-    let mut random = Random(9);
+    let mut random = Random::new(9);
     let mut boxes: Vec<_> = (0..300)
         .map(|_| {
-            let center = Vec3A::from(random.point());
-            let half = Vec3A::from(random.point()).abs() * 0.1;
+            let center = Vec3A::from(point(&mut random));
+            let half = Vec3A::from(point(&mut random)).abs() * 0.1;
             (center - half, center + half)
         })
         .collect();
@@ -402,7 +418,7 @@ fn instances_are_visited_where_a_loop_over_boxes_meets_them() {
         (near <= far && near >= 0.0).then_some(near)
     };
     for _ in 0..1000 {
-        let ray = Ray::new((random.point() * 1.5).into(), random.point().into());
+        let ray = Ray::new((point(&mut random) * 1.5).into(), point(&mut random).into());
         let all = boxes.iter().filter_map(|&b| entry(b, &ray));
         let expected = all.min_by(f32::total_cmp);
         let mut best = None;
