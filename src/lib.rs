@@ -20,4 +20,5 @@ pub mod math;
 #[allow(unsafe_code)]
 pub mod kernel;
 pub mod scene;
+pub mod accel;
 pub mod sampling;

@@ -1,0 +1,327 @@
+//! What a ray meets in a frame: a tree over instances above one tree for each mesh.
+//!
+//! Rays go to object space without being normalised, so that `t` means the same everywhere. Hits
+//! are those of a loop over all instances and triangles: of equal ones that of the smallest
+//! instance, then the smallest triangle, counts.
+
+use glam::{Affine3A, Vec3A};
+use rayon::prelude::*;
+
+use crate::kernel::{InstanceBvh, TriangleHit};
+use crate::math::Ray;
+use crate::scene::{Instance, SceneFrame};
+
+/// Where a ray meets the scene.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hit {
+    /// The ray's parameter, in units of its direction.
+    pub t: f32,
+    /// Index into [`SceneFrame::instances`].
+    pub instance: u32,
+    /// Triangle of the instance's mesh.
+    pub triangle: u32,
+    /// Barycentric coordinate of the triangle's second vertex.
+    pub u: f32,
+    /// Barycentric coordinate of the triangle's third vertex.
+    pub v: f32,
+}
+
+impl Hit {
+    fn new(instance: u32, hit: &TriangleHit) -> Self {
+        Self {
+            t: hit.t,
+            instance,
+            triangle: hit.triangle,
+            u: hit.u,
+            v: hit.v,
+        }
+    }
+}
+
+/// The tree over the instances of one frame. Its methods want that same frame.
+#[derive(Debug, Clone)]
+pub struct Accel {
+    instances: InstanceBvh,
+}
+
+impl Accel {
+    /// Builds what is missing: the trees of the frame's meshes, then the one over its instances.
+    pub fn build(frame: &SceneFrame) -> Self {
+        frame.meshes.par_iter().for_each(|mesh| {
+            mesh.bvh();
+        });
+        let boxes: Vec<_> = (0u32..)
+            .zip(&frame.instances)
+            .map(|(index, instance)| {
+                let bounds = frame.mesh_of(index).bvh().bounds();
+                bounds.map_or((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |bounds| {
+                    world_bounds(instance.world_from_object, bounds)
+                })
+            })
+            .collect();
+        Self {
+            instances: InstanceBvh::build(&boxes),
+        }
+    }
+
+    /// The first hit in `[t_min, t_max]`.
+    pub fn closest_hit(&self, frame: &SceneFrame, ray: &Ray) -> Option<Hit> {
+        self.closest_hit_where(frame, ray, |_| true)
+    }
+
+    /// The first hit that `accept` accepts. It is asked in no particular order, and not about every
+    /// hit: it must depend on the hit only.
+    pub fn closest_hit_where(
+        &self,
+        frame: &SceneFrame,
+        ray: &Ray,
+        mut accept: impl FnMut(&Hit) -> bool,
+    ) -> Option<Hit> {
+        let mut best: Option<Hit> = None;
+        self.instances.closest(ray, |index, t_max| {
+            let ray = object_ray(&frame.instances[index as usize], ray, t_max);
+            let bvh = frame.mesh_of(index).bvh();
+            let hit = bvh.closest_hit_where(&ray, |hit| accept(&Hit::new(index, hit)))?;
+            if best.is_some_and(|best| (best.t, best.instance) < (hit.t, index)) {
+                return None;
+            }
+            best = Some(Hit::new(index, &hit));
+            Some(hit.t)
+        });
+        best
+    }
+
+    /// Whether anything is hit in `[t_min, t_max]`.
+    pub fn occluded(&self, frame: &SceneFrame, ray: &Ray) -> bool {
+        self.occluded_where(frame, ray, |_| true)
+    }
+
+    /// Whether anything is hit that `accept` accepts, which must depend on the hit only.
+    pub fn occluded_where(
+        &self,
+        frame: &SceneFrame,
+        ray: &Ray,
+        mut accept: impl FnMut(&Hit) -> bool,
+    ) -> bool {
+        self.instances.any(ray, |index| {
+            let ray = object_ray(&frame.instances[index as usize], ray, ray.t_max);
+            let bvh = frame.mesh_of(index).bvh();
+            bvh.occluded_where(&ray, |hit| accept(&Hit::new(index, hit)))
+        })
+    }
+}
+
+fn object_ray(instance: &Instance, ray: &Ray, t_max: f32) -> Ray {
+    let object_from_world = &instance.object_from_world;
+    Ray {
+        origin: object_from_world.transform_point3a(ray.origin),
+        direction: object_from_world.transform_vector3a(ray.direction),
+        t_min: ray.t_min,
+        t_max,
+    }
+}
+
+/// The box around a placed box.
+fn world_bounds(world_from_object: Affine3A, (lower, upper): (Vec3A, Vec3A)) -> (Vec3A, Vec3A) {
+    /// Growth relative to the numbers that went in, against their rounding (2^-24 each, a dozen
+    /// of them here and in `object_ray`).
+    const PADDING: f32 = 1.0 / (1 << 20) as f32;
+    let (centre, half) = (0.5 * (lower + upper), 0.5 * (upper - lower));
+    let magnitude = Affine3A {
+        matrix3: world_from_object.matrix3.abs(),
+        translation: world_from_object.translation.abs(),
+    };
+    let padding = magnitude.transform_point3a(centre.abs() + half) * PADDING;
+    let centre = world_from_object.transform_point3a(centre);
+    let half = magnitude.transform_vector3a(half) + padding;
+    (centre - half, centre + half)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contract::{Given, Numbers};
+    use crate::kernel::TriangleBvh;
+    use crate::math::statistics::Random;
+    use crate::scene::{Camera, Mesh, World};
+    use glam::{EulerRot, Mat3A, Mat4, Quat, Vec3};
+    use std::sync::Arc;
+
+    fn point(random: &mut Random) -> Vec3 {
+        Vec3::from([(); 3].map(|()| 2.0 * random.next() - 1.0))
+    }
+
+    /// `count` triangles in the cube of half edge 1, or nothing.
+    fn soup(count: usize, random: &mut Random) -> Arc<Mesh> {
+        let vertices: Vec<f32> = (0..count)
+            .flat_map(|_| {
+                let centre = point(random);
+                [(); 3].map(|()| (centre + 0.3 * point(random)).to_array())
+            })
+            .flatten()
+            .collect();
+        let triangles: Vec<u32> = (0..3 * count as u32).collect();
+        let (normals, uvs) = (vec![0.0; 9 * count], vec![0.0; 6 * count]);
+        let slots = vec![0; count];
+        let given = |name: &str, shape: &[usize], numbers| Given {
+            name: name.into(),
+            shape: shape.into(),
+            numbers,
+        };
+        let arrays = vec![
+            given("vertices", &[3 * count, 3], Numbers::F32(&vertices)),
+            given("triangles", &[count, 3], Numbers::U32(&triangles)),
+            given("corner_normals", &[count, 3, 3], Numbers::F32(&normals)),
+            given("corner_uvs", &[count, 3, 2], Numbers::F32(&uvs)),
+            given("material_slots", &[count], Numbers::U32(&slots)),
+        ];
+        Arc::new(Mesh::new(arrays).unwrap())
+    }
+
+    fn instance(mesh: u32, world_from_object: Affine3A) -> Instance {
+        let object_from_world = world_from_object.inverse();
+        Instance {
+            mesh,
+            key: 0,
+            world_from_object,
+            object_from_world,
+            world_from_normal: object_from_world.matrix3.transpose(),
+            materials: vec![],
+        }
+    }
+
+    /// Turned, stretched and (every third) mirrored instances of two meshes and an empty one.
+    fn frame(random: &mut Random) -> SceneFrame {
+        let meshes = vec![soup(60, random), soup(0, random), soup(7, random)];
+        let instances = (0..40).map(|i| {
+            let turn = point(random) * 3.0;
+            let mut scale = Vec3::splat(0.7) + 0.4 * point(random);
+            if i % 3 == 0 {
+                scale.x *= -1.0;
+            }
+            let turn = Quat::from_euler(EulerRot::XYZ, turn.x, turn.y, turn.z);
+            let at = point(random) * 5.0;
+            instance(
+                i % 3,
+                Affine3A::from_scale_rotation_translation(scale, turn, at),
+            )
+        });
+        let mut projection = Mat4::IDENTITY;
+        (projection.z_axis.w, projection.w_axis.w) = (-1.0, 0.0);
+        SceneFrame {
+            frame: 1,
+            instances: instances.collect(),
+            meshes,
+            materials: vec![],
+            images: vec![],
+            lights: vec![],
+            camera: Camera::new(Affine3A::IDENTITY, projection, [0.1, 100.0]).unwrap(),
+            world: World {
+                radiance: Vec3A::ZERO,
+                image: None,
+                environment_from_world: Mat3A::IDENTITY,
+            },
+        }
+    }
+
+    /// All triangles of the frame in world space, and the instance and triangle of each.
+    fn flattened(frame: &SceneFrame) -> (TriangleBvh, Vec<(u32, u32)>) {
+        let (mut positions, mut names) = (vec![], vec![]);
+        for (index, instance) in (0u32..).zip(&frame.instances) {
+            let mesh = frame.mesh_of(index);
+            for triangle in 0..mesh.triangles.len() as u32 {
+                let place = |p| Vec3::from(instance.world_from_object.transform_point3a(p));
+                positions.extend(mesh.corners(triangle).map(place));
+                names.push((index, triangle));
+            }
+        }
+        let triangles: Vec<_> = (0..names.len() as u32)
+            .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+            .collect();
+        (TriangleBvh::build(&positions, &triangles), names)
+    }
+
+    #[test]
+    fn instances_are_hit_like_their_triangles_in_world_space() {
+        let mut random = Random::new(1);
+        let frame = frame(&mut random);
+        let accel = Accel::build(&frame);
+        let (flat, names) = flattened(&frame);
+        let mut hits = 0;
+        for i in 0..4000 {
+            let origin = point(&mut random) * 7.0;
+            let target = point(&mut random) * 4.0;
+            let t_max = if i % 4 == 0 { 0.5 } else { f32::INFINITY };
+            let ray = Ray::segment(origin.into(), (target - origin).into(), t_max);
+            let hit = accel.closest_hit(&frame, &ray);
+            let expected = flat.closest_hit(&ray);
+            assert_eq!(hit.is_some(), expected.is_some());
+            assert_eq!(accel.occluded(&frame, &ray), expected.is_some());
+            if let (Some(hit), Some(expected)) = (hit, expected) {
+                let name = names[expected.triangle as usize];
+                assert_eq!((hit.instance, hit.triangle), name);
+                let off = (hit.t - expected.t) * ray.direction.length();
+                let slip = Vec3A::new(off, hit.u - expected.u, hit.v - expected.v);
+                assert!(slip.abs().max_element() < 1e-3, "{hit:?} {expected:?}");
+                hits += 1;
+            }
+        }
+        assert!(hits > 200, "{hits}");
+    }
+
+    #[test]
+    fn of_equal_hits_the_smallest_instance_counts_and_refused_ones_do_not() {
+        let mut random = Random::new(2);
+        let mut frame = frame(&mut random);
+        for i in 0..frame.instances.len() {
+            frame.instances[i] = instance(0, Affine3A::IDENTITY);
+        }
+        let accel = Accel::build(&frame);
+        let mut hits = 0;
+        for _ in 0..200 {
+            let origin = point(&mut random) * 3.0;
+            let ray = Ray::new(origin.into(), (point(&mut random) - origin).into());
+            let hit = accel.closest_hit(&frame, &ray);
+            let later = accel.closest_hit_where(&frame, &ray, |hit| hit.instance > 20);
+            assert_eq!(hit.map(|hit| hit.instance), hit.map(|_| 0));
+            assert_eq!(
+                later,
+                hit.map(|hit| Hit {
+                    instance: 21,
+                    ..hit
+                })
+            );
+            let none = |hit: &Hit| hit.instance > 1000;
+            assert!(!accel.occluded_where(&frame, &ray, none));
+            assert_eq!(
+                accel.occluded_where(&frame, &ray, |h| h.instance == 9),
+                hit.is_some()
+            );
+            hits += usize::from(hit.is_some());
+        }
+        assert!(hits > 50, "{hits}");
+    }
+
+    #[test]
+    fn a_placed_box_holds_its_corners() {
+        let turn = Affine3A::from_rotation_z(0.7) * Affine3A::from_translation(Vec3::splat(1e4));
+        let (lower, upper) = (Vec3A::new(-1.0, 2.0, 0.0), Vec3A::new(3.0, 2.5, 1.0));
+        let (low, high) = world_bounds(turn, (lower, upper));
+        for corner in 0..8 {
+            let mask = [1, 2, 4].map(|bit| corner & bit != 0);
+            let corner = Vec3A::select(glam::BVec3A::from_array(mask), upper, lower);
+            let placed = turn.transform_point3a(corner);
+            assert!(low.cmple(placed).all() && placed.cmple(high).all());
+        }
+    }
+
+    #[test]
+    fn a_frame_without_anything_is_never_hit() {
+        let mut frame = frame(&mut Random::new(3));
+        frame.instances.clear();
+        let accel = Accel::build(&frame);
+        let ray = Ray::new(Vec3A::ZERO, Vec3A::X);
+        assert!(accel.closest_hit(&frame, &ray).is_none());
+        assert!(!accel.occluded(&frame, &ray));
+    }
+}
