@@ -60,8 +60,12 @@ impl Mesh {
 
     /// The tree over the triangles, built at the first call.
     pub fn bvh(&self) -> &TriangleBvh {
-        self.bvh
-            .get_or_init(|| TriangleBvh::build(&self.vertices, &self.triangles))
+        self.bvh.get().unwrap_or_else(|| {
+            // Outside the lock: while it builds, a thread of rayon's may take up other work that
+            // asks for this same tree, and would then wait for itself.
+            let built = TriangleBvh::build(&self.vertices, &self.triangles);
+            self.bvh.get_or_init(|| built)
+        })
     }
 
     /// Positions of a triangle's corners, object space.
