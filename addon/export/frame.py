@@ -1,0 +1,84 @@
+"""One frame of the evaluated scene as the arrays of the contract."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .cache import ExportCache
+from .camera import export_camera
+from .image import ImageTable
+from .instance import InstanceTable
+from .light import LightTable
+from .material import MaterialTable
+from .report import Warnings
+from .simulation import warn_of_unbaked
+from .world import export_world
+
+
+@dataclass(frozen=True)
+class ExportedFrame:
+    """What `dualcone.SceneFrame(frame, meshes, images, arrays)` takes, and what the user is told."""
+
+    frame: int
+    meshes: list[Any]
+    images: list[Any]
+    arrays: dict[str, np.ndarray]
+    warnings: list[str]
+    # Of everything above but the frame number and the warnings.
+    content_hash: bytes
+    seconds: float
+
+
+def export_frame(
+    depsgraph: bpy.types.Depsgraph,
+    frame: int,
+    resolution: tuple[int, int],
+    cache: ExportCache,
+    core: Any,
+    should_stop: Callable[[], bool],
+) -> ExportedFrame:
+    """Export the scene as it is evaluated now; moving it to `frame` is the caller's business.
+
+    `resolution` is the whole frame in pixels, before any border. `core` is the compiled module.
+    Raises ExportError with a message for the user, ExportStopped once `should_stop()` is true.
+    """
+    started = perf_counter()
+    warnings = Warnings()
+    arrays = export_camera(depsgraph, resolution, warnings)
+    images = ImageTable(cache, core, warnings)
+    materials = MaterialTable(images, warnings)
+    lights = LightTable(warnings)
+    instances = InstanceTable(depsgraph, cache, core, materials, lights, warnings, should_stop)
+    instances.read()
+    world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
+    arrays |= instances.arrays() | materials.arrays() | lights.arrays()
+    arrays |= export_world(world, images, warnings).arrays()
+    warn_of_unbaked(depsgraph, warnings)
+    parts = [mesh.digest for mesh in instances.meshes] + [image.digest for image in images.used]
+    seconds = perf_counter() - started
+    cache.end_frame(seconds)
+    return ExportedFrame(
+        frame,
+        [mesh.handle for mesh in instances.meshes],
+        [image.handle for image in images.used],
+        arrays,
+        warnings.messages(),
+        content_hash(parts, arrays),
+        seconds,
+    )
+
+
+def content_hash(parts: list[bytes], arrays: dict[str, np.ndarray]) -> bytes:
+    """Hash of the meshes' and images' own hashes and of all arrays."""
+    content = hashlib.blake2b(b"".join(parts), digest_size=16)
+    for name in sorted(arrays):
+        content.update(f"{name}{arrays[name].shape}".encode())
+        content.update(np.ascontiguousarray(arrays[name]))
+    return content.digest()

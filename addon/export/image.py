@@ -1,0 +1,192 @@
+"""Images as float32 RGBA in scene-linear colour, rows from the bottom up."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Color
+
+from .cache import CachedImage, ExportCache
+from .nodes import LUMINANCE
+from .report import Warnings
+
+MAGENTA = (1.0, 0.0, 1.0, 1.0)
+
+SINGLE_CHANNELS = {"RED": 0, "GREEN": 1, "BLUE": 2, "ALPHA": 3}
+
+EXTENSIONS = ("REPEAT", "EXTEND", "CLIP")
+
+# Linear spaces that Blender can convert: the method of mathutils.Color that does it.
+LINEAR_SPACES = {
+    "Linear Rec.709": "from_rec709_linear_to_scene_linear",
+    "Linear": "from_rec709_linear_to_scene_linear",
+    "Linear Rec.2020": "from_rec2020_linear_to_scene_linear",
+    "Linear CIE-XYZ D65": "from_xyz_d65_to_scene_linear",
+    "ACES2065-1": "from_aces_to_scene_linear",
+    "ACEScg": "from_acescg_to_scene_linear",
+}
+DATA_SPACES = ("Non-Color", "Raw", "Generic Data")
+
+
+@dataclass(frozen=True)
+class ImageUse:
+    """How a texture node uses an image."""
+
+    image: bpy.types.Image
+    extension: str = "REPEAT"
+    interpolation: str = "Linear"
+    # COLOR, or one number written to all four channels: GREY or one of SINGLE_CHANNELS.
+    channel: str = "COLOR"
+    # Cycles multiplies colour by alpha unless the alpha of the node is used as well.
+    multiply_alpha: bool = False
+
+
+class ImageTable:
+    """The images of one frame, each once, in the order of their first use."""
+
+    def __init__(self, cache: ExportCache, core: Any, warnings: Warnings) -> None:
+        self._cache = cache
+        self._core = core
+        self._warnings = warnings
+        self._rows: dict[tuple, int] = {}
+        self.used: list[CachedImage] = []
+
+    def index(self, use: ImageUse) -> int:
+        """Row of the image in the frame's list."""
+        key = _key(use)
+        if key not in self._rows:
+            self._rows[key] = len(self.used)
+            self.used.append(self._load(use, key))
+        return self._rows[key]
+
+    def mean(self, use: ImageUse) -> tuple[float, float, float, float]:
+        """Average RGBA, the stand-in where the renderer takes no texture yet."""
+        return self._load(use, _key(use)).mean
+
+    def _load(self, use: ImageUse, key: tuple) -> CachedImage:
+        _warn(use.image, self._warnings)
+        if key not in self._cache.images:
+            pixels = read_pixels(use, self._warnings)
+            handle = self._core.Image(pixels, use.extension, use.interpolation)
+            mean = tuple(float(x) for x in pixels.mean(axis=(0, 1), dtype=np.float64))
+            digest = hashlib.blake2b(repr(key[1:3]).encode(), digest_size=16)
+            digest.update(pixels)
+            self._cache.images[key] = CachedImage(handle, digest.digest(), mean)
+            self._cache.statistics.images_built += 1
+        return self._cache.images[key]
+
+
+def read_pixels(use: ImageUse, warnings: Warnings) -> np.ndarray:
+    """Pixels (H, W, 4) of the wanted channel, straight alpha; one magenta pixel if there are none."""
+    image = use.image
+    width, height = image.size
+    if not image.has_data and width * height == 0:
+        image.update()
+        width, height = image.size
+    if width * height == 0:
+        return np.full((1, 1, 4), MAGENTA, np.float32)
+    pixels = np.empty((height, width, 4), np.float32)
+    _read_rgba(image, pixels)
+    _make_straight(image, pixels)
+    _to_scene_linear(image, pixels, warnings)
+    if use.multiply_alpha and image.alpha_mode not in ("CHANNEL_PACKED", "NONE"):
+        pixels[..., :3] *= pixels[..., 3:]
+    if use.channel == "GREY":
+        pixels[:] = (pixels[..., :3] @ np.array(LUMINANCE, np.float32))[..., None]
+    elif use.channel != "COLOR":
+        pixels[:] = pixels[..., SINGLE_CHANNELS[use.channel], None].copy()
+    return pixels
+
+
+def _read_rgba(image: bpy.types.Image, pixels: np.ndarray) -> None:
+    channels = image.channels
+    if channels == 4:
+        image.pixels.foreach_get(pixels.reshape(-1))
+        return
+    raw = np.empty((*pixels.shape[:2], channels), np.float32)
+    image.pixels.foreach_get(raw.reshape(-1))
+    pixels[..., 3] = 1.0
+    pixels[..., :3] = raw if channels == 3 else raw[..., :1]
+
+
+def _make_straight(image: bpy.types.Image, pixels: np.ndarray) -> None:
+    """Blender keeps byte images with straight alpha, float images with multiplied alpha."""
+    if image.alpha_mode == "NONE":
+        pixels[..., 3] = 1.0
+    elif image.is_float and image.alpha_mode != "CHANNEL_PACKED":
+        alpha = pixels[..., 3:]
+        np.divide(pixels[..., :3], alpha, out=pixels[..., :3], where=(alpha > 0) & (alpha < 1))
+
+
+def _to_scene_linear(image: bpy.types.Image, pixels: np.ndarray, warnings: Warnings) -> None:
+    """Colours from the image's own space. Float buffers were converted when Blender loaded them."""
+    space = image.colorspace_settings.name
+    if image.is_float or space in DATA_SPACES or image.colorspace_settings.is_data:
+        return
+    if space in LINEAR_SPACES and hasattr(Color, LINEAR_SPACES[space]):
+        _apply_matrix(pixels, LINEAR_SPACES[space])
+        return
+    if space != "sRGB":
+        warnings.add(image.name, f"colour space {space} is not known, its colours are read as sRGB")
+    # 256 possible values: a table is ten times faster than the power function.
+    codes = np.rint(pixels[..., :3] * 255.0).astype(np.uint8)
+    pixels[..., :3] = srgb_to_linear(np.arange(256, dtype=np.float32) / 255.0)[codes]
+    _apply_matrix(pixels, LINEAR_SPACES["Linear Rec.709"])
+
+
+def _apply_matrix(pixels: np.ndarray, method: str) -> None:
+    """Convert the primaries as Blender's colour management does, by what it does to the axes."""
+    axes = [getattr(Color(axis), method)()[:] for axis in np.eye(3).tolist()]
+    scene_from_space = np.array(axes, np.float32).T
+    if not np.allclose(scene_from_space, np.eye(3), atol=1e-5):
+        pixels[..., :3] = pixels[..., :3] @ scene_from_space.T
+
+
+def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:
+    """IEC 61966-2-1, per channel."""
+    low = encoded / 12.92
+    high = ((encoded + 0.055) / 1.055) ** 2.4
+    return np.where(encoded <= 0.04045, low, high).astype(np.float32)
+
+
+def _key(use: ImageUse) -> tuple:
+    """Changes whenever the pixels would: the image, its file's stamp, and how it is read."""
+    image = use.image
+    path = bpy.path.abspath(image.filepath, library=image.library)
+    try:
+        stat = os.stat(path)
+        stamp = (stat.st_mtime_ns, stat.st_size)
+    except OSError:
+        stamp = None
+    generated = ()
+    if image.source == "GENERATED":
+        generated = (image.generated_type, image.generated_color[:], image.size[:])
+    return (
+        image.session_uid,
+        use.extension,
+        use.interpolation,
+        use.channel,
+        use.multiply_alpha,
+        path,
+        stamp,
+        generated,
+        image.colorspace_settings.name,
+        image.alpha_mode,
+        image.source,
+        image.is_dirty,
+    )
+
+
+def _warn(image: bpy.types.Image, warnings: Warnings) -> None:
+    if image.size[0] * image.size[1] == 0 and not image.has_data:
+        where = image.filepath or "no file"
+        warnings.add(image.name, f"image cannot be read ({where}), magenta is shown instead")
+    if image.source in ("SEQUENCE", "MOVIE"):
+        warnings.add(image.name, "image sequences and movies stay at one frame")
+    if image.source == "TILED":
+        warnings.add(image.name, "only the first UDIM tile is rendered")

@@ -1,0 +1,161 @@
+"""Lights as rows of the `light_*` arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from math import isclose, pi
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from .nodes import Color, Constant, Source, surface
+from .report import Warnings
+from .transform import axis_scale, matrix_3x4, without_scale
+
+
+class Kind(IntEnum):
+    """`light_kind` of the contract."""
+
+    SUN = 0
+    POINT = 1
+    SPOT = 2
+    RECTANGLE = 3
+    ELLIPSE = 4
+
+
+@dataclass(frozen=True)
+class Light:
+    """One row of the light arrays."""
+
+    kind: Kind
+    key: int
+    placement: np.ndarray
+    power: Color
+    size: tuple[float, float]
+    spot: tuple[float, float]
+    soft_falloff: bool
+    camera_visible: bool
+
+
+@dataclass
+class LightTable:
+    """The lights of one frame."""
+
+    warnings: Warnings
+    lights: list[Light] = field(default_factory=list)
+
+    def add(self, owner: bpy.types.Object, world_from_object: Matrix, key: int) -> None:
+        """Append an evaluated light object, or warn why it is left out."""
+        placement = without_scale(world_from_object)
+        if placement is None:
+            self.warnings.add(owner.name, "has a scale of zero and is left out")
+            return
+        data = owner.data
+        _check(owner, data, self.warnings)
+        kind = light_kind(data)
+        size = light_size(data, world_from_object)
+        factor = _unnormalised(data, kind, size)
+        strength = _node_strength(data, self.warnings)
+        color = light_color(data)
+        light = Light(
+            kind,
+            key,
+            matrix_3x4(placement),
+            tuple(c * s * factor for c, s in zip(color, strength)),
+            size,
+            (data.spot_size, data.spot_blend) if kind == Kind.SPOT else (0.0, 0.0),
+            kind in (Kind.POINT, Kind.SPOT) and data.use_soft_falloff,
+            owner.visible_camera,
+        )
+        self.lights.append(light)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The `light_*` arrays and `world_from_light` of the contract."""
+
+        def column(name: str, dtype: type, *shape: int) -> np.ndarray:
+            values = [getattr(light, name) for light in self.lights]
+            return np.array(values, dtype).reshape(len(values), *shape)
+
+        return {
+            "light_kind": column("kind", np.uint32),
+            "light_key": column("key", np.uint64),
+            "world_from_light": column("placement", np.float32, 3, 4),
+            "light_power": column("power", np.float32, 3),
+            "light_size": column("size", np.float32, 2),
+            "light_spot": column("spot", np.float32, 2),
+            "light_soft_falloff": column("soft_falloff", np.uint32),
+            "light_camera_visible": column("camera_visible", np.uint32),
+        }
+
+
+def light_kind(data: bpy.types.Light) -> Kind:
+    if data.type == "AREA":
+        return Kind.ELLIPSE if data.shape in ("DISK", "ELLIPSE") else Kind.RECTANGLE
+    return Kind[data.type]
+
+
+def light_color(data: bpy.types.Light) -> Color:
+    """Colour times energy times 2^exposure [W, of a sun W/m^2]."""
+    energy = data.energy * 2.0 ** getattr(data, "exposure", 0.0)
+    tint = data.temperature_color if getattr(data, "use_temperature", False) else (1.0, 1.0, 1.0)
+    red, green, blue = (c * t * energy for c, t in zip(data.color, tint))
+    return (red, green, blue)
+
+
+def light_size(data: bpy.types.Light, world_from_object: Matrix) -> tuple[float, float]:
+    """`light_size` of the contract. An area light grows with its object."""
+    if data.type == "SUN":
+        return (data.angle, 0.0)
+    if data.type != "AREA":
+        return (data.shadow_soft_size, 0.0)
+    scale = axis_scale(world_from_object)
+    side_y = data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size
+    return (data.size * scale.x, side_y * scale.y)
+
+
+def _unnormalised(data: bpy.types.Light, kind: Kind, size: tuple[float, float]) -> float:
+    """What the power grows by if Normalize is off: then it does not spread over the light's size."""
+    if getattr(data, "normalize", True):
+        return 1.0
+    if kind == Kind.RECTANGLE:
+        return size[0] * size[1]
+    if kind == Kind.ELLIPSE:
+        return pi / 4.0 * size[0] * size[1]
+    return 1.0
+
+
+def _node_strength(data: bpy.types.Light, warnings: Warnings) -> Color:
+    """The factor from the light's node tree: the colour times strength of its Emission."""
+    if not data.use_nodes or data.node_tree is None:
+        return (1.0, 1.0, 1.0)
+    shader = surface(data.node_tree)
+    if shader is None:
+        return (0.0, 0.0, 0.0)
+    if shader.node.bl_idname != "ShaderNodeEmission":
+        warnings.not_rendered(data.name, shader.label)
+        return (1.0, 1.0, 1.0)
+    ends = []
+    for identifier in ("Color", "Strength"):
+        socket = shader.input(identifier)
+        end = socket.follow()
+        if isinstance(end, Source):
+            warnings.add(
+                data.name,
+                f"{end.label} in {identifier} is not rendered yet (its default value is used)",
+            )
+            end = Constant(socket.socket)
+        ends.append(end)
+    strength = ends[1].number()
+    red, green, blue = ends[0].color()
+    return (red * strength, green * strength, blue * strength)
+
+
+def _check(owner: bpy.types.Object, data: bpy.types.Light, warnings: Warnings) -> None:
+    if not data.use_shadow:
+        warnings.add(owner.name, "a light without shadows is not rendered yet, it casts shadows")
+    if data.type == "AREA" and not isclose(data.spread, pi, abs_tol=1e-4):
+        warnings.not_rendered(owner.name, "Spread of an area light")
+    if data.cycles.is_portal:
+        warnings.not_rendered(owner.name, "Portal")

@@ -1,0 +1,113 @@
+"""Evaluated meshes as arrays."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .cache import CachedMesh, ExportCache
+
+# Object types that `Object.to_mesh` turns into a mesh; an evaluated MESH is read as it is.
+CONVERTED_TYPES = ("CURVE", "SURFACE", "META", "FONT")
+
+
+class NotFinite(Exception):
+    """A vertex, normal or texture coordinate is NaN or infinite."""
+
+
+@dataclass(frozen=True)
+class Faces:
+    """What tells two meshes apart, read with one copy per attribute: cheap enough for each frame."""
+
+    positions: np.ndarray  # (V, 3) m, object
+    corner_vertices: np.ndarray  # (K,) vertex
+    corner_normals: np.ndarray  # (K, 3) unit, object
+    corner_uvs: np.ndarray  # (K, 2)
+    face_starts: np.ndarray  # (F,) corner
+    face_materials: np.ndarray  # (F,) slot
+    uv_map: str
+
+    def digest(self) -> bytes:
+        """Hash of the content."""
+        content = hashlib.blake2b(self.uv_map.encode(), digest_size=16)
+        for array in vars(self).values():
+            if isinstance(array, np.ndarray):
+                content.update(str(array.shape).encode())
+                content.update(array)
+        return content.digest()
+
+
+def load_mesh(mesh: bpy.types.Mesh, cache: ExportCache, core: Any) -> CachedMesh | None:
+    """The renderer's mesh with the content of an evaluated mesh; None if it has no faces.
+
+    Triangles are read and handed over only if no earlier frame held the same content. Raises
+    NotFinite.
+    """
+    if len(mesh.polygons) == 0:
+        return None
+    faces = read_faces(mesh)
+    cache.statistics.meshes_read += 1
+    digest = faces.digest()
+    cached = cache.mesh(digest)
+    if cached is None:
+        for array in (faces.positions, faces.corner_normals, faces.corner_uvs):
+            if not np.isfinite(array).all():
+                raise NotFinite
+        handle = core.Mesh(**triangle_arrays(mesh, faces))
+        cached = cache.meshes[digest] = CachedMesh(handle, digest, faces.uv_map)
+        cache.statistics.meshes_built += 1
+    return cached
+
+
+def read_faces(mesh: bpy.types.Mesh) -> Faces:
+    """Positions, corners and faces of an evaluated mesh."""
+    corners = len(mesh.loops)
+    attributes = mesh.attributes
+    materials = attributes.get("material_index")
+    layer = next((layer for layer in mesh.uv_layers if layer.active_render), None)
+    face_count = len(mesh.polygons)
+    starts = np.empty(face_count, np.int32)
+    mesh.polygons.foreach_get("loop_start", starts)
+    face_materials = np.zeros(face_count, np.int32)
+    if materials is not None and materials.domain == "FACE" and materials.data_type == "INT":
+        materials.data.foreach_get("value", face_materials)
+    return Faces(
+        # The attribute is copied as a block; `vertices` and `loops` are read one by one.
+        positions=_read(attributes["position"].data, "vector", len(mesh.vertices), 3),
+        corner_vertices=_read(attributes[".corner_vert"].data, "value", corners, 0),
+        corner_normals=_read(mesh.corner_normals, "vector", corners, 3),
+        corner_uvs=(
+            _read(layer.uv, "vector", corners, 2) if layer else np.zeros((corners, 2), np.float32)
+        ),
+        face_starts=starts,
+        face_materials=np.maximum(face_materials, 0),
+        uv_map=layer.name if layer else "",
+    )
+
+
+def triangle_arrays(mesh: bpy.types.Mesh, faces: Faces) -> dict[str, np.ndarray]:
+    """The arrays of the contract's MESH table."""
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    corners = np.empty((count, 3), np.int32)
+    mesh.loop_triangles.foreach_get("loops", corners.reshape(-1))
+    polygons = np.empty(count, np.int32)
+    mesh.loop_triangle_polygons.foreach_get("value", polygons)
+    return {
+        "vertices": faces.positions,
+        "triangles": faces.corner_vertices[corners].astype(np.uint32),
+        "corner_normals": faces.corner_normals[corners],
+        "corner_uvs": faces.corner_uvs[corners],
+        "material_slots": faces.face_materials[polygons].astype(np.uint32),
+    }
+
+
+def _read(collection: Any, name: str, count: int, width: int) -> np.ndarray:
+    """One attribute as (count, width) float32, or for width 0 as (count,) int32."""
+    array = np.empty((count, width), np.float32) if width else np.empty(count, np.int32)
+    collection.foreach_get(name, array.reshape(-1))
+    return array
