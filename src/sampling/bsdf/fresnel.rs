@@ -1,0 +1,121 @@
+//! Fresnel reflectance as a curve from F0 at normal incidence to F90 at grazing.
+
+use glam::Vec3A;
+
+/// Reflectance at normal incidence of a dielectric with this index of refraction.
+pub fn f0_from_ior(ior: f32) -> f32 {
+    let ratio = (ior - 1.0) / (ior + 1.0);
+    ratio * ratio
+}
+
+/// Index of refraction, at least one, that reflects this share at normal incidence.
+pub fn ior_from_f0(f0: f32) -> f32 {
+    let root = f0.clamp(0.0, 0.99).sqrt();
+    (1.0 + root) / (1.0 - root)
+}
+
+/// Unpolarised reflectance of a dielectric for a cosine of incidence in [0, 1].
+pub fn dielectric(cos: f32, ior: f32) -> f32 {
+    let cos_transmitted_squared = 1.0 - (1.0 - cos * cos) / (ior * ior);
+    if cos_transmitted_squared <= 0.0 {
+        return 1.0;
+    }
+    let cos_transmitted = cos_transmitted_squared.sqrt();
+    let s = (cos - ior * cos_transmitted) / (cos + ior * cos_transmitted);
+    let p = (ior * cos - cos_transmitted) / (ior * cos + cos_transmitted);
+    0.5 * (s * s + p * p)
+}
+
+/// How reflectance goes from F0 to F90: `F = F0 + s (F90 - F0)` with a curve s of the cosine.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Curve {
+    /// Schlick's fifth power: metals.
+    Schlick,
+    /// A dielectric's exact reflectance, rescaled to begin at 0. Principled's F0 is a free
+    /// parameter, so that its level can be changed without changing the shape.
+    Dielectric {
+        /// Index of refraction.
+        ior: f32,
+    },
+}
+
+impl Curve {
+    /// s at a cosine between direction and microfacet.
+    pub fn at(self, cos: f32) -> f32 {
+        match self {
+            Curve::Schlick => {
+                let rest = (1.0 - cos).clamp(0.0, 1.0);
+                rest * (rest * rest) * (rest * rest)
+            }
+            Curve::Dielectric { ior } => {
+                let f0 = f0_from_ior(ior);
+                ((dielectric(cos, ior) - f0) / (1.0 - f0)).clamp(0.0, 1.0)
+            }
+        }
+    }
+
+    /// The mean of s over the hemisphere, weighted by the cosine.
+    ///
+    /// Schlick's is 1/21. The dielectric's is a fit by Kulla and Conty, "Revisiting Physically
+    /// Based Shading at Imageworks", 2017; it is off by up to 0.007, which only light of several
+    /// bounces sees.
+    pub fn mean(self) -> f32 {
+        match self {
+            Curve::Schlick => 1.0 / 21.0,
+            Curve::Dielectric { ior } => {
+                let mean = if ior < 1.0 {
+                    0.997_118 + ior * (0.1014 - ior * (0.965_241 + ior * 0.130_607))
+                } else {
+                    (ior - 1.0) / (4.085_67 + 1.000_71 * ior)
+                };
+                let f0 = f0_from_ior(ior);
+                ((mean - f0) / (1.0 - f0)).clamp(0.0, 1.0)
+            }
+        }
+    }
+}
+
+/// `a + s (b - a)`.
+pub fn mix(a: Vec3A, b: Vec3A, s: f32) -> Vec3A {
+    a + (b - a) * s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn f0_and_ior_are_inverse() {
+        assert!((f0_from_ior(1.5) - 0.04).abs() < 1e-6);
+        for ior in [1.0, 1.33, 1.5, 2.4] {
+            assert!((ior_from_f0(f0_from_ior(ior)) - ior).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn dielectric_vanishes_at_brewster_only_for_one_polarisation() {
+        // tan(Brewster) = ior; there half of the s-polarised reflectance is left.
+        let ior = 1.5f32;
+        let cos = 1.0 / (1.0 + ior * ior).sqrt();
+        let s = (ior * ior - 1.0) / (ior * ior + 1.0);
+        assert!((dielectric(cos, ior) - 0.5 * s * s).abs() < 1e-6);
+        assert!((dielectric(0.0, ior) - 1.0).abs() < 1e-6);
+        assert_eq!(dielectric(0.3, 1.0 / ior), 1.0); // total internal reflection
+    }
+
+    #[test]
+    fn means_are_the_integrals_of_the_curves() {
+        let curves = [1.2, 1.5, 2.0, 0.7].map(|ior| Curve::Dielectric { ior });
+        for curve in curves.into_iter().chain([Curve::Schlick]) {
+            let steps = 4000;
+            let integral: f32 = (0..steps)
+                .map(|i| (i as f32 + 0.5) / steps as f32)
+                .map(|cos| 2.0 * cos * curve.at(cos) / steps as f32)
+                .sum();
+            assert!(
+                (integral - curve.mean()).abs() < 8e-3,
+                "{curve:?}: {integral}"
+            );
+        }
+    }
+}
