@@ -1,0 +1,87 @@
+# DualCone. `make help` lists the targets. A machine needs rustup, Python 3.11, gcc and make; the
+# rest is installed below .venv/ and build/.
+#
+# Places that several checkouts may share:
+#   DUALCONE_VENVS    the virtual environments                  (default .venv)
+#   DUALCONE_BLENDER  the real Blender that the tests start     (default build/blender-5.2)
+
+PYTHON  ?= $(or $(shell command -v python3.11),python3)
+VENVS   := $(abspath $(or $(DUALCONE_VENVS),.venv))
+TOOLS   := $(VENVS)/tools
+BPY_NEW := $(VENVS)/bpy-5.0
+BPY_OLD := $(VENVS)/bpy-4.2
+
+export DUALCONE_BLENDER := $(abspath $(or $(DUALCONE_BLENDER),build/blender-5.2))
+export PATH := $(TOOLS)/bin:$(PATH)
+
+# Blender does not read a wheel's glibc number: a wheel linked against a new glibc installs and
+# then fails at import. zig links against the old one that the tag promises.
+HOST_WHEEL := $(if $(filter Linux,$(shell uname -s)),--zig --compatibility manylinux_2_28)
+CORE_FILES := Cargo.toml Cargo.lock pyproject.toml $(shell find src python -type f -name '*.[rp][sy]*')
+ADDON_FILES := $(shell find addon -type f -not -name '*.pyc')
+
+.PHONY: help demo test lint format test-rust test-python test-blender extension extension-all bench-paper clean
+.DELETE_ON_ERROR:
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' Makefile
+
+demo: $(BPY_NEW)/.ready build/site/.ready ## render the wheel loader: frames and a contact sheet in out/demo
+	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/demo.py
+
+test: lint test-rust $(if $(wildcard src/python*),test-python) $(if $(wildcard blend_samples/loader.blend),test-blender) ## everything that proves the project
+
+lint: $(TOOLS)/.ready ## formatters and linters, changing nothing
+	cargo fmt --check
+	cargo clippy --locked --all-targets -- -D warnings
+	cargo clippy --locked --all-targets --features python -- -D warnings
+	@if command -v cargo-deny >/dev/null; then cargo deny check bans licenses sources; \
+	  else echo "cargo deny: SKIPPED, it is not installed (cargo install --locked cargo-deny)"; fi
+	ruff check
+	ruff format --check
+	pyright --pythonpath $(TOOLS)/bin/python
+
+format: $(TOOLS)/.ready ## rewrite the sources as lint wants them
+	cargo fmt
+	ruff check --fix
+	ruff format
+
+test-rust: ## the renderer, without Python
+	cargo test --locked
+
+# bpy runs one Blender per process, so each version gets its own.
+test-python: $(BPY_NEW)/.ready $(BPY_OLD)/.ready build/site/.ready ## the add-on in Blender 5.0 and 4.2 (bpy wheels)
+	PYTHONPATH=build/site $(BPY_NEW)/bin/python -m pytest tests/python
+	PYTHONPATH=build/site $(BPY_OLD)/bin/python -m pytest tests/python
+
+test-blender: extension $(BPY_NEW)/.ready ## the installed extension in the real Blender 5.2
+	$(BPY_NEW)/bin/python -m pytest tests/blender
+
+extension: build/extension.ready ## dist/dualcone-VERSION-PLATFORM.zip for this platform
+
+extension-all: $(TOOLS)/.ready ## the same for all five platforms, cross-built
+	$(PYTHON) scripts/build_all.py
+
+bench-paper: $(BPY_NEW)/.ready build/site/.ready ## Table 1 and Figure 3 of the paper, measured again
+	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/bench_paper.py
+
+clean: ## remove what was built, keep what was downloaded
+	rm -rf build/site build/wheel build/extension.ready dist out
+	cargo clean
+
+$(VENVS)/%/.ready: tests/requirements-%.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11) and "Python 3.11 is needed, the only one that has bpy wheels of both versions; say where: make PYTHON=/path/to/python3.11")'
+	$(PYTHON) -m venv $(@D)
+	$(@D)/bin/pip install --quiet --disable-pip-version-check --requirement $<
+	touch $@
+
+# The wheel, unpacked: venvs that several checkouts share must not hold one checkout's wheel.
+build/site/.ready: $(CORE_FILES) $(TOOLS)/.ready
+	rm -rf build/wheel build/site
+	maturin build --release --locked $(HOST_WHEEL) --out build/wheel
+	$(TOOLS)/bin/pip install --quiet --no-deps --target build/site build/wheel/*.whl
+	touch $@
+
+build/extension.ready: build/site/.ready $(ADDON_FILES) scripts/build_extension.py
+	$(TOOLS)/bin/python scripts/build_extension.py build/wheel/*.whl
+	touch $@
