@@ -24,7 +24,7 @@ from .world import export_world
 
 @dataclass(frozen=True)
 class ExportedFrame:
-    """What `dualcone.SceneFrame(frame, meshes, images, arrays)` takes, and what the user is told."""
+    """What `dualcone.SceneFrame(frame, meshes, images, arrays)` takes, and what users are told."""
 
     frame: int
     meshes: list[Any]

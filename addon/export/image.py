@@ -82,7 +82,7 @@ class ImageTable:
 
 
 def read_pixels(use: ImageUse, warnings: Warnings) -> np.ndarray:
-    """Pixels (H, W, 4) of the wanted channel, straight alpha; one magenta pixel if there are none."""
+    """Pixels (H, W, 4) of the wanted channel, straight alpha; one magenta pixel without any."""
     image = use.image
     width, height = image.size
     if not image.has_data and width * height == 0:

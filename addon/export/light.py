@@ -63,7 +63,7 @@ class LightTable:
             kind,
             key,
             matrix_3x4(placement),
-            tuple(c * s * factor for c, s in zip(color, strength)),
+            tuple(c * s * factor for c, s in zip(color, strength, strict=True)),
             size,
             (data.spot_size, data.spot_blend) if kind == Kind.SPOT else (0.0, 0.0),
             kind in (Kind.POINT, Kind.SPOT) and data.use_soft_falloff,
@@ -100,7 +100,7 @@ def light_color(data: bpy.types.Light) -> Color:
     """Colour times energy times 2^exposure [W, of a sun W/m^2]."""
     energy = data.energy * 2.0 ** getattr(data, "exposure", 0.0)
     tint = data.temperature_color if getattr(data, "use_temperature", False) else (1.0, 1.0, 1.0)
-    red, green, blue = (c * t * energy for c, t in zip(data.color, tint))
+    red, green, blue = (c * t * energy for c, t in zip(data.color, tint, strict=True))
     return (red, green, blue)
 
 
@@ -116,7 +116,7 @@ def light_size(data: bpy.types.Light, world_from_object: Matrix) -> tuple[float,
 
 
 def _unnormalised(data: bpy.types.Light, kind: Kind, size: tuple[float, float]) -> float:
-    """What the power grows by if Normalize is off: then it does not spread over the light's size."""
+    """What the power grows by if Normalize is off: then it is not spread over the light's size."""
     if getattr(data, "normalize", True):
         return 1.0
     if kind == Kind.RECTANGLE:

@@ -21,7 +21,7 @@ class NotFinite(Exception):
 
 @dataclass(frozen=True)
 class Faces:
-    """What tells two meshes apart, read with one copy per attribute: cheap enough for each frame."""
+    """What tells two meshes apart, read with one copy per attribute: cheap enough each frame."""
 
     positions: np.ndarray  # (V, 3) m, object
     corner_vertices: np.ndarray  # (K,) vertex

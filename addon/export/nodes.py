@@ -27,12 +27,14 @@ class Constant:
         """The value as a colour; a number becomes a grey."""
         value = self.socket.default_value
         if isinstance(value, (int, float)):
-            return (float(value),) * 3
+            return (float(value), float(value), float(value))
         return (float(value[0]), float(value[1]), float(value[2]))
 
     def number(self) -> float:
         """The value as a number; a colour becomes its luminance."""
-        return sum(weight * channel for weight, channel in zip(LUMINANCE, self.color()))
+        return sum(
+            weight * channel for weight, channel in zip(LUMINANCE, self.color(), strict=True)
+        )
 
 
 @dataclass(frozen=True)
@@ -73,12 +75,14 @@ class Input:
 
     def _step(self) -> Source | Constant | Input | None:
         """What the link leads to; None where nothing is linked."""
-        link = next((l for l in self.socket.links if l.is_valid and not l.is_muted), None)
+        link = next(
+            (link for link in self.socket.links if link.is_valid and not link.is_muted), None
+        )
         if link is None:
             return None
         node, output = link.from_node, link.from_socket
         if node.mute:
-            passed = (l.from_socket for l in node.internal_links if l.to_socket == output)
+            passed = (link.from_socket for link in node.internal_links if link.to_socket == output)
             return next((Input(socket, self.groups) for socket in passed), None)
         if node.bl_idname == "NodeReroute":
             return Input(node.inputs[0], self.groups)
