@@ -1,43 +1,20 @@
 """The add-on in a bpy wheel: registered once for the process, factory settings for each test."""
 
-import importlib.util
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import bpy
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent.parent
-
-
-def load_addon() -> ModuleType:
-    """Import addon/ as the package `dualcone_addon`, the way Blender imports an extension."""
-    folder = ROOT / "addon"
-    spec = importlib.util.spec_from_file_location(
-        "dualcone_addon", folder / "__init__.py", submodule_search_locations=[str(folder)]
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    package = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = package
-    spec.loader.exec_module(package)
-    return package
+import local_addon
 
 
 @pytest.fixture(scope="session", autouse=True)
 def addon() -> Iterator[ModuleType]:
-    """Register the add-on for the whole run.
-
-    It must be gone before the interpreter ends: with an engine class still registered, Blender 4.2
-    crashes at exit and 4.5 hangs.
-    """
-    package = load_addon()
-    package.register()
-    yield package
-    package.unregister()
+    """Register the add-on for the whole run."""
+    with local_addon.registered() as package:
+        yield package
 
 
 @pytest.fixture(autouse=True)
@@ -49,7 +26,7 @@ def empty_file(addon: ModuleType) -> None:
 @pytest.fixture
 def scene(empty_file: None) -> Any:
     """Return the empty scene, set to render with DualCone: tiny, one thread, few samples."""
-    scene: Any = bpy.context.scene
+    scene: Any = bpy.context.scene  # Any: the stubs of bpy do not know scene.dualcone
     scene.render.engine = "DUALCONE"
     scene.render.resolution_x = 32
     scene.render.resolution_y = 24
