@@ -40,7 +40,7 @@ def export_camera(
         raise ExportError(f"Camera '{camera.name}' has a scale of zero: clear its scale")
     return {
         "world_from_camera": matrix_3x4(placement),
-        "clip_from_camera": np.array(clip_from_camera, np.float32),
+        "clip_from_camera": np.array(clip_from_camera, np.float32, order="C"),
         "camera_clip": np.array([camera.data.clip_start, camera.data.clip_end], np.float32),
     }
 

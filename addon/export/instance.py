@@ -14,7 +14,7 @@ import numpy as np
 from .cache import CachedMesh, ExportCache
 from .light import LightTable
 from .material import MaterialTable
-from .mesh import CONVERTED_TYPES, NotFinite, load_mesh
+from .mesh import NotFinite, load_mesh
 from .report import ExportStopped, Warnings
 from .transform import is_singular
 
@@ -73,19 +73,21 @@ class InstanceTable:
     def read(self) -> None:
         """Walk the evaluated scene once. Raises ExportStopped.
 
-        No item of `object_instances` is kept: each is overwritten by the next.
+        No item of `object_instances` is kept: each is overwritten by the next. Curves, surfaces,
+        texts and metaballs appear twice, as themselves and as an instance of type MESH.
         """
+        # The depsgraph of a render leaves out what is hidden; one that a script asked for does not.
+        is_viewport = self.depsgraph.mode == "VIEWPORT"
         for count, item in enumerate(self.depsgraph.object_instances):
             if count % STOP_INTERVAL == 0 and self.should_stop():
                 raise ExportStopped
-            if not item.show_self:
+            if not item.show_self or (is_viewport and (item.parent or item.object).hide_render):
                 continue
             owner = item.object
             if owner.type == "LIGHT":
-                if item.is_instance or not owner.hide_render:
-                    self.lights.add(owner, item.matrix_world.copy(), self._key(item, owner))
+                self.lights.add(owner, item.matrix_world.copy(), self._key(item, owner))
                 continue
-            shape = self._shape(owner, item.is_instance)
+            shape = self._shape(owner)
             if shape is not None:
                 self._place(shape, item, owner)
 
@@ -134,7 +136,7 @@ class InstanceTable:
             self._names[pointer] = original.name_full.encode()
         return self._names[pointer]
 
-    def _shape(self, owner: bpy.types.Object, is_instance: bool) -> Shape | None:
+    def _shape(self, owner: bpy.types.Object) -> Shape | None:
         """The shape of an evaluated object; pointers tell geometries apart within one frame."""
         data = owner.data
         if data is None:
@@ -143,14 +145,13 @@ class InstanceTable:
         if key not in self._shapes:
             if self.should_stop():
                 raise ExportStopped
-            hidden = owner.hide_render and not is_instance
-            self._shapes[key] = None if hidden else self._load_shape(owner)
+            self._shapes[key] = self._load_shape(owner)
         return self._shapes[key]
 
     def _load_shape(self, owner: bpy.types.Object) -> Shape | None:
         if owner.type in LEFT_OUT_TYPES:
             self.warnings.add(owner.name, f"{LEFT_OUT_TYPES[owner.type]} not rendered yet")
-        if owner.type != "MESH" and owner.type not in CONVERTED_TYPES:
+        if owner.type != "MESH":
             return None
         self._check(owner)
         try:
@@ -167,7 +168,7 @@ class InstanceTable:
 
     def _load_mesh(self, owner: bpy.types.Object) -> CachedMesh | None:
         # In edit mode the evaluated mesh has no attributes, only the edited BMesh behind it.
-        if owner.type == "MESH" and not owner.data.is_editmode:
+        if not owner.data.is_editmode:
             return load_mesh(owner.data, self.cache, self.core)
         try:
             mesh = owner.to_mesh()

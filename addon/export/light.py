@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from math import isclose, pi
+from math import isclose, pi, sin
 
 import bpy
 import numpy as np
@@ -116,14 +116,20 @@ def light_size(data: bpy.types.Light, world_from_object: Matrix) -> tuple[float,
 
 
 def _unnormalised(data: bpy.types.Light, kind: Kind, size: tuple[float, float]) -> float:
-    """What the power grows by if Normalize is off: then it is not spread over the light's size."""
+    """Factor on the power if Normalize is off: then a larger light shines more.
+
+    It is the light's area, of a sun its projected solid angle; found by renders with Cycles 5.0,
+    also the one of a point without size.
+    """
     if getattr(data, "normalize", True):
         return 1.0
+    if kind == Kind.SUN:
+        return pi * sin(size[0] / 2.0) ** 2
     if kind == Kind.RECTANGLE:
         return size[0] * size[1]
     if kind == Kind.ELLIPSE:
         return pi / 4.0 * size[0] * size[1]
-    return 1.0
+    return 4.0 * pi * size[0] ** 2 if size[0] > 0.0 else 4.0
 
 
 def _node_strength(data: bpy.types.Light, warnings: Warnings) -> Color:

@@ -11,9 +11,6 @@ import numpy as np
 
 from .cache import CachedMesh, ExportCache
 
-# Object types that `Object.to_mesh` turns into a mesh; an evaluated MESH is read as it is.
-CONVERTED_TYPES = ("CURVE", "SURFACE", "META", "FONT")
-
 
 class NotFinite(Exception):
     """A vertex, normal or texture coordinate is NaN or infinite."""

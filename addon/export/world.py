@@ -28,7 +28,7 @@ class World:
         return {
             "world_radiance": np.array(self.radiance, np.float32),
             "world_image": np.array(self.image, np.int32),
-            "environment_from_world": np.array(self.environment_from_world, np.float32),
+            "environment_from_world": np.array(self.environment_from_world, np.float32, order="C"),
         }
 
 
