@@ -1,0 +1,333 @@
+"""The render engine that Blender sees: reads the scene in `update`, traces it in `render`.
+
+Facts about Blender that shape this file (measured with 4.2, 5.0 and 5.2):
+- `update` runs with the interface locked and may move the scene in time; `render` may not.
+- An exception in either leaves a black frame and exit code 0, and so does `error_set` alone.
+  `report({'ERROR'})` is what stops an animation before it writes the frame.
+- `is_animation` is true for `-a`, Ctrl-F12 and also for `-f`; the frame range is never told.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+
+from . import core, passes, properties, session
+from .export import ExportCache, ExportedFrame, ExportError, ExportStopped, export_frame
+from .session import SESSION, Order, Recipe, Region, RenderedFrame, ViewKey
+
+log = logging.getLogger(__package__)
+
+UNEXPECTED = "DualCone met an unexpected error, please report it with the lines in the console: "
+NO_MEMORY = "Not enough memory: lower Frames Together, the resolution or the detail of the scene"
+
+
+@dataclass
+class Work:
+    """What `update` hands to `render`: a finished frame, or the scenes to render it from."""
+
+    core: ModuleType
+    order: Order
+    export_seconds: float
+    finished: RenderedFrame | None
+    scenes: list[ExportedFrame]
+
+
+class DualConeEngine(bpy.types.RenderEngine):
+    """DualCone in the list of render engines.
+
+    There is no `view_draw`: Blender then shows Material Preview, drawn by EEVEE, in its place.
+    """
+
+    bl_idname = "DUALCONE"
+    bl_label = "DualCone"
+    bl_use_eevee_viewport = True
+    bl_use_shading_nodes_custom = False
+
+    def __init__(self, *args: object, **kwargs: object) -> None:
+        super().__init__(*args, **kwargs)  # Blender 4.5 and later call this twice on one object.
+        self._work: Work | None = None
+
+    def update_render_passes(
+        self, scene: bpy.types.Scene | None = None, renderlayer: bpy.types.ViewLayer | None = None
+    ) -> None:
+        """Tell Blender which passes a view layer will get."""
+        if scene is None or renderlayer is None:
+            return
+        for p in passes.enabled_passes(renderlayer):
+            self.register_pass(scene, renderlayer, p.name, len(p.channels), p.channels, p.kind)
+
+    def update(
+        self, data: bpy.types.BlendData | None = None, depsgraph: bpy.types.Depsgraph | None = None
+    ) -> None:
+        """Read the scene of this frame and of those that lend samples to it."""
+        self._work = None
+        if depsgraph is not None:
+            with self._failures_told():
+                self._work = self._prepare(depsgraph)
+
+    def render(self, depsgraph: bpy.types.Depsgraph) -> None:
+        """Trace, show progress and hand the pixels to Blender."""
+        work, self._work = self._work, None
+        if work is not None:  # Otherwise `update` was stopped, or failed and said why.
+            with self._failures_told():
+                self._deliver(work)
+
+    def is_stopped(self) -> bool:
+        """Tell whether the user pressed Esc."""
+        return self.test_break()
+
+    @contextmanager
+    def _failures_told(self) -> Iterator[None]:
+        try:
+            yield
+        except (session.Stopped, ExportStopped):
+            SESSION.clear()
+        except (core.CoreError, ExportError, session.RenderError) as error:
+            self._fail(str(error))
+        except MemoryError:
+            self._fail(NO_MEMORY)
+        except Exception as error:
+            log.exception("Unexpected error")
+            self._fail(f"{UNEXPECTED}{type(error).__name__}: {error}")
+
+    def _fail(self, message: str) -> None:
+        SESSION.clear()
+        self.report({"ERROR"}, message)
+
+    def _warn(self, warning: str) -> None:
+        if SESSION.first_time(warning):
+            log.warning(warning)
+            self.report({"WARNING"}, warning)
+
+    def _prepare(self, depsgraph: bpy.types.Depsgraph) -> Work:
+        started = time.perf_counter()
+        renderer = core.load()
+        order = read_order(self, depsgraph)
+        for warning in unsupported(depsgraph.scene):
+            self._warn(warning)
+        reader = Reader(self, renderer, depsgraph, order)
+        current = reader.read(order.frame)
+        # Reading an unchanged scene again is cheap, and proves that no edit came between.
+        finished = SESSION.take(order.view, order.recipe, order.frame, current.content_hash)
+        scenes = [] if finished else reader.look_around(current)
+        return Work(renderer, order, time.perf_counter() - started, finished, scenes)
+
+    def _deliver(self, work: Work) -> None:
+        order = work.order
+        canvas = passes.Canvas(self, order.view.view_layer, order.recipe.region.shape)
+        is_done = False
+        try:
+            frame = work.finished or self._trace(work, canvas)
+            started = time.perf_counter()
+            canvas.write(frame.passes)
+            seconds = {"export": work.export_seconds, **frame.report["seconds"]}
+            seconds["write"] = time.perf_counter() - started
+            report = {**frame.report, "seconds": seconds}
+            method = dict(order.recipe.settings)["method"]
+            canvas.stamp(session.metadata(method, report))
+            is_done = True
+        finally:
+            canvas.close(cancel=not is_done)
+        self.update_progress(1.0)
+        log.info(session.log_line(order.frame, method, report))
+
+    def _trace(self, work: Work, canvas: passes.Canvas) -> RenderedFrame:
+        order = work.order
+        hashes = {scene.frame: scene.content_hash for scene in work.scenes}
+        # The scenes go as soon as the renderer has them; the arrays exist once.
+        scenes, work.scenes = work.scenes, []
+        watch = session.Watch(self.is_stopped, Display(self, order, canvas).show)
+        results = session.render(work.core, order, scenes, watch)
+        current, *later = (
+            RenderedFrame(frame, hashes[frame], result["passes"], result["report"])
+            for frame, result in results.items()
+        )
+        SESSION.store(order.view, order.recipe, later)
+        return current
+
+
+class Reader:
+    """Reads scenes from Blender for one order."""
+
+    def __init__(
+        self,
+        engine: DualConeEngine,
+        renderer: ModuleType,
+        depsgraph: bpy.types.Depsgraph,
+        order: Order,
+    ) -> None:
+        self._engine = engine
+        self._renderer = renderer
+        self._depsgraph = depsgraph
+        self._order = order
+
+    def read(self, frame: int) -> ExportedFrame:
+        """Export the scene as it is evaluated now, which is at `frame`."""
+        engine, order = self._engine, self._order
+        if engine.is_stopped():
+            raise session.Stopped
+        region = order.recipe.region
+        exported = export_frame(
+            self._depsgraph,
+            frame,
+            (region.width, region.height),
+            SESSION.export_cache(order.view, ExportCache),
+            self._renderer,
+            engine.is_stopped,
+        )
+        for warning in exported.warnings:
+            engine._warn(warning)
+        return exported
+
+    def look_around(self, current: ExportedFrame) -> list[ExportedFrame]:
+        """Export every frame that the targets need; `current` is the one that Blender is at.
+
+        `frame_set` moves the user's scene too, and Blender would name the file after where it ends:
+        it is put back whatever happens.
+        """
+        engine, order = self._engine, self._order
+        frames = session.frames_needed(self._renderer, order)
+        exported = {order.frame: current}
+        try:
+            for frame in frames:
+                if frame not in exported:
+                    engine.update_stats("", f"Frame {order.frame} | Reading frame {frame}")
+                    engine.frame_set(frame, order.subframe)
+                    exported[frame] = self.read(frame)
+        finally:
+            if frames != [order.frame]:
+                engine.frame_set(order.frame, order.subframe)
+        return [exported[frame] for frame in frames]
+
+
+class Display:
+    """Progress bar, status line and the picture as it clears up."""
+
+    def __init__(self, engine: DualConeEngine, order: Order, canvas: passes.Canvas) -> None:
+        self._engine = engine
+        self._order = order
+        self._canvas = canvas
+        self._memory_peak = 0.0
+        self._picture = session.Pace(session.PREVIEW_SECONDS)
+
+    def show(self, job: session.RunningRender) -> None:
+        """Tell the user how far a running render is."""
+        progress = job.progress()
+        self._engine.update_progress(progress["fraction"])
+        self._engine.update_stats("", session.status_line(progress, self._order.targets))
+        used = progress["memory_bytes"] / 2**20
+        self._memory_peak = max(self._memory_peak, used)
+        self._engine.update_memory_stats(memory_used=used, memory_peak=self._memory_peak)
+        if not bpy.app.background and self._picture.due():
+            picture = job.preview(self._order.frame)
+            if picture is not None:
+                self._canvas.preview(picture)
+
+
+def read_order(engine: DualConeEngine, depsgraph: bpy.types.Depsgraph) -> Order:
+    """Read from the scene and the engine what is to be rendered."""
+    scene = depsgraph.scene
+    region = read_region(engine, scene.render)
+    settings = properties.settings_of(scene)
+    if not engine.is_animation and not settings["still_window"]:
+        settings["window"] = 1
+    frame, step = scene.frame_current, scene.frame_step
+    is_series = engine.is_animation and not is_single_frame_job()
+    count = chunk_size(scene, settings["frames_together"], region) if is_series else 1
+    return Order(
+        frame=frame,
+        subframe=scene.frame_subframe,
+        view=ViewKey(f"{scene.name_full} {scene.session_uid}", depsgraph.view_layer.name),
+        recipe=Recipe(tuple(sorted(settings.items())), region, step),
+        targets=session.plan_targets(
+            frame, step, scene.frame_end, count, lambda ahead: is_kept(scene.render, ahead)
+        ),
+        threads=scene.render.threads,
+    )
+
+
+def read_region(engine: DualConeEngine, render: bpy.types.RenderSettings) -> Region:
+    """Return the frame's size and the render border in pixels."""
+    border = None
+    if render.use_border:
+        border = (
+            render.border_min_x,
+            render.border_min_y,
+            render.border_max_x,
+            render.border_max_y,
+        )
+    return Region.with_border(engine.resolution_x, engine.resolution_y, border)
+
+
+def chunk_size(scene: bpy.types.Scene, wanted: int, region: Region) -> int:
+    """Tell how many frames to render at once: as many as wanted and as fit into memory.
+
+    With placeholders several machines share the range, and a frame ahead is another machine's.
+    """
+    if scene.render.use_placeholder and not scene.render.is_movie_format:
+        return 1
+    layers = sum(layer.use for layer in scene.view_layers)
+    rows, columns = region.shape
+    pixels = rows * columns * max(1, layers)
+    return min(wanted, session.frames_in_memory(pixels, session.physical_memory_bytes()))
+
+
+def is_kept(render: bpy.types.RenderSettings, frame: int) -> bool:
+    """Tell whether Blender will skip a frame because its file exists."""
+    if render.use_overwrite or render.is_movie_format:
+        return False
+    return Path(render.frame_path(frame=frame)).exists()
+
+
+def is_single_frame_job() -> bool:
+    """Tell whether Blender was started to render frames one by one (`-f 7,9`) and no range (`-a`).
+
+    Without a path of its own Blender is a Python module, and the arguments are another program's.
+    """
+    if not bpy.app.binary_path:
+        return False
+    arguments = sys.argv[: sys.argv.index("--")] if "--" in sys.argv else sys.argv
+    is_single = not {"-f", "--render-frame"}.isdisjoint(arguments)
+    return is_single and {"-a", "--render-anim"}.isdisjoint(arguments)
+
+
+def unsupported(scene: bpy.types.Scene) -> Iterator[str]:
+    """Name the render settings that DualCone does not follow."""
+    if scene.render.use_motion_blur:
+        yield "Motion Blur is not rendered yet"
+    if scene.render.use_multiview:
+        yield "Stereoscopy is not rendered yet: every view shows the same picture"
+
+
+@bpy.app.handlers.persistent
+def forget(*_args: Any) -> None:  # noqa: ANN401 - Blender decides what it hands to handlers
+    """Drop what a job left: it begins or ends, or another file was loaded."""
+    SESSION.clear()
+
+
+HANDLERS = ("render_init", "render_complete", "render_cancel", "load_post")
+
+
+def register() -> None:
+    """Add the engine to Blender's list."""
+    bpy.utils.register_class(DualConeEngine)
+    for name in HANDLERS:
+        getattr(bpy.app.handlers, name).append(forget)
+
+
+def unregister() -> None:
+    """Take the engine away. Blender 4.2 as a module crashes at exit when this is left out."""
+    for name in HANDLERS:
+        getattr(bpy.app.handlers, name).remove(forget)
+    SESSION.clear()
+    bpy.utils.unregister_class(DualConeEngine)

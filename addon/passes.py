@@ -1,0 +1,107 @@
+"""The render passes: one list for those who register them, show them and fill them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple, cast
+
+import bpy
+import numpy as np
+
+from . import core
+
+# Passes that Blender already has a switch for; the others get one at `view_layer.dualcone`.
+BLENDER_SWITCH = {"Depth": "use_pass_z", "Normal": "use_pass_normal"}
+
+
+class Pass(NamedTuple):
+    """A pass as Blender wants it registered."""
+
+    name: str
+    channels: str
+    kind: str
+
+
+def switch_name(name: str) -> str:
+    """Name the property of `view_layer.dualcone` that enables a pass."""
+    return "use_pass_" + name.lower().replace(" ", "_")
+
+
+def all_passes() -> Iterator[Pass]:
+    """List every pass the renderer can make."""
+    for spec in core.contract()["passes"]:
+        yield Pass(spec["name"], spec["channels"], spec["type"])
+
+
+def own_passes() -> Iterator[Pass]:
+    """List the passes that Blender has no switch for."""
+    return (p for p in all_passes() if p.name != "Combined" and p.name not in BLENDER_SWITCH)
+
+
+def is_enabled(view_layer: bpy.types.ViewLayer, name: str) -> bool:
+    """Tell whether a view layer asks for a pass."""
+    if name == "Combined":
+        return True
+    if name in BLENDER_SWITCH:
+        return getattr(view_layer, BLENDER_SWITCH[name])
+    return getattr(cast(Any, view_layer).dualcone, switch_name(name))
+
+
+def enabled_passes(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:
+    """List the passes that a view layer asks for."""
+    return (p for p in all_passes() if is_enabled(view_layer, p.name))
+
+
+class Canvas:
+    """The frame's render result in Blender: opened when there is something to put into it."""
+
+    def __init__(
+        self, engine: bpy.types.RenderEngine, view_layer: str, shape: tuple[int, int]
+    ) -> None:
+        self._engine = engine
+        self._view_layer = view_layer
+        self._shape = shape
+        self._result: bpy.types.RenderResult | None = None
+
+    def _opened(self) -> bpy.types.RenderResult:
+        if self._result is None:
+            rows, columns = self._shape
+            # The position is the tile's within the border; there is one tile.
+            self._result = self._engine.begin_result(0, 0, columns, rows, layer=self._view_layer)
+        return self._result
+
+    def write(self, pixels: Mapping[str, np.ndarray]) -> None:
+        """Copy arrays (H, W, channels), rows from the bottom up, into the passes of the same name.
+
+        With stereo every view has a pass of that name, and all get the same picture.
+
+        Raises:
+            ValueError: an array does not fit what Blender allocated.
+        """
+        result = self._opened()
+        for target in result.layers[0].passes:
+            source = pixels.get(target.name)
+            if source is None:
+                continue
+            wanted = (result.resolution_y, result.resolution_x, target.channels)
+            if source.shape != wanted:
+                raise ValueError(f"pass {target.name}: expected shape {wanted}, got {source.shape}")
+            rect: Any = target.rect  # An array property; the stubs call it a float.
+            rect.foreach_set(np.ascontiguousarray(source, np.float32).ravel())
+
+    def preview(self, combined: np.ndarray) -> None:
+        """Show an unfinished picture."""
+        self.write({"Combined": combined})
+        self._engine.update_result(self._opened())
+
+    def stamp(self, fields: Mapping[str, str]) -> None:
+        """Add fields to the file's metadata, under names that tell view layers apart."""
+        result = self._opened()
+        for name, value in fields.items():
+            result.stamp_data_add_field(f"dualcone.{self._view_layer}.{name}", value)
+
+    def close(self, *, cancel: bool) -> None:
+        """Give the result back to Blender; a cancelled one stays on screen but is no frame."""
+        if self._result is not None:
+            result, self._result = self._result, None
+            self._engine.end_result(result, cancel=cancel, do_merge_results=cancel)

@@ -1,0 +1,13 @@
+"""Stills and last renders."""
+
+import bpy
+
+settings = bpy.context.scene.dualcone
+
+settings.samples = 256
+settings.method = "DUAL_CONE"
+settings.block = 7
+settings.window = 3
+settings.max_bounces = 12
+settings.diffuse_bounces = 4
+settings.glossy_bounces = 4

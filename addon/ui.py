@@ -1,0 +1,265 @@
+"""Panels in Render Properties and View Layer Properties, and Blender's own panels made to show."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any, cast
+
+import bpy
+from bl_operators.presets import AddPresetBase
+from bl_ui.utils import PresetPanel
+
+from . import core, passes
+from .engine import DualConeEngine
+
+ENGINE = DualConeEngine.bl_idname
+
+# Panels for which Blender asks each engine by name, that show only what DualCone renders.
+WELCOME_PANELS = {
+    "DATA_PT_EEVEE_light",
+    "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_WORLD_PT_surface",
+    "MATERIAL_PT_preview",
+}
+# Panels for any engine, that show what DualCone does not render or repeat the type of a light.
+UNWELCOME_PANELS = {
+    "DATA_PT_light",
+    "MATERIAL_PT_freestyle_line",
+    "NODE_DATA_PT_light",
+    "RENDER_PT_freestyle",
+}
+UNWELCOME_PREFIXES = ("VIEWLAYER_PT_freestyle", "DATA_PT_lightprobe", "DATA_PT_context_lightprobe")
+
+
+class RenderPanel:
+    """What the panels in Render Properties have in common."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+    COMPAT_ENGINES = {ENGINE}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Show with DualCone as the engine, unless its compiled part is missing."""
+        return context.engine in cls.COMPAT_ENGINES and core.problem() is None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Rows with the label on the left, as everywhere in Blender."""
+        layout = cast(bpy.types.Panel, self).layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        scene = context.scene
+        self.draw_rows(layout, scene, cast(Any, scene).dualcone)
+
+    def draw_rows(
+        self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
+    ) -> None:
+        """Draw the settings; each panel has its own."""
+        raise NotImplementedError
+
+
+class DUALCONE_PT_sampling_presets(PresetPanel, bpy.types.Panel):
+    """Preview, Animation, Final and the user's own."""
+
+    bl_label = "DualCone Presets"
+    preset_subdir = "dualcone"
+    preset_operator = "script.execute_preset"
+    preset_add_operator = "render.dualcone_preset_add"
+    COMPAT_ENGINES = {ENGINE}
+
+
+class DUALCONE_OT_preset_add(AddPresetBase, bpy.types.Operator):
+    """Add or remove a DualCone preset."""
+
+    bl_description = "Add or remove a DualCone preset"
+    bl_idname = "render.dualcone_preset_add"
+    bl_label = "Add DualCone Preset"
+    preset_menu = "DUALCONE_PT_sampling_presets"
+    preset_subdir = "dualcone"
+    preset_defines = ["settings = bpy.context.scene.dualcone"]
+
+    @property
+    def preset_values(self) -> list[str]:
+        """The settings that the shipped presets hold too."""
+        names = (
+            "samples",
+            "method",
+            "block",
+            "window",
+            "max_bounces",
+            "diffuse_bounces",
+            "glossy_bounces",
+        )
+        return [f"settings.{name}" for name in names]
+
+
+class DUALCONE_PT_problem(bpy.types.Panel):
+    """Why DualCone cannot render."""
+
+    bl_label = "DualCone Cannot Render"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+    COMPAT_ENGINES = {ENGINE}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Show when the compiled part is missing or another version."""
+        return context.engine in cls.COMPAT_ENGINES and core.problem() is not None
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Show the problem in lines that fit a narrow panel."""
+        for row, line in enumerate(textwrap.wrap(core.problem() or "", 48)):
+            self.layout.label(text=line, icon="NONE" if row else "ERROR")
+
+
+class DUALCONE_PT_sampling(RenderPanel, bpy.types.Panel):
+    """How long to look at each pixel."""
+
+    bl_label = "Sampling"
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        """Draw the preset button."""
+        DUALCONE_PT_sampling_presets.draw_panel_header(self.layout)
+
+    def draw_rows(
+        self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
+    ) -> None:
+        """Draw the settings."""
+        layout.prop(settings, "samples")
+        layout.prop(settings, "time_limit")
+        layout.prop(settings, "seed")
+
+
+class DUALCONE_PT_reuse(RenderPanel, bpy.types.Panel):
+    """What pixels and frames lend each other."""
+
+    bl_label = "Reuse"
+
+    def draw_rows(
+        self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
+    ) -> None:
+        """Draw the settings; those without effect on the chosen method are greyed out."""
+        layout.prop(settings, "method")
+        shared = layout.column()
+        shared.active = settings.method != "PATH"
+        shared.prop(settings, "block")
+        shared.prop(settings, "window")
+        recheck = shared.column()
+        recheck.active = settings.method == "PAPER"
+        recheck.prop(settings, "recheck")
+        shared.prop(settings, "still_window")
+        shared.prop(settings, "frames_together")
+
+
+class DUALCONE_PT_light_paths(RenderPanel, bpy.types.Panel):
+    """How often light bounces."""
+
+    bl_label = "Light Paths"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_rows(
+        self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
+    ) -> None:
+        """Draw the settings."""
+        column = layout.column(align=True)
+        column.prop(settings, "max_bounces")
+        column.prop(settings, "diffuse_bounces")
+        column.prop(settings, "glossy_bounces")
+
+
+class DUALCONE_PT_film(RenderPanel, bpy.types.Panel):
+    """The pixel filter and what is behind the scene."""
+
+    bl_label = "Film"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_rows(
+        self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
+    ) -> None:
+        """Draw the settings."""
+        layout.prop(scene.render, "film_transparent", text="Transparent")
+        layout.prop(settings, "filter")
+        width = layout.column()
+        width.active = settings.filter != "BOX"
+        width.prop(settings, "filter_width")
+
+
+class DUALCONE_PT_performance(RenderPanel, bpy.types.Panel):
+    """Threads."""
+
+    bl_label = "Performance"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_rows(
+        self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
+    ) -> None:
+        """Draw the settings."""
+        layout.prop(scene.render, "threads_mode")
+        threads = layout.column()
+        threads.enabled = scene.render.threads_mode == "FIXED"
+        threads.prop(scene.render, "threads")
+
+
+class DUALCONE_PT_passes(RenderPanel, bpy.types.Panel):
+    """Which passes a view layer delivers."""
+
+    bl_label = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw a switch for each pass: Blender's own, then DualCone's."""
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        view_layer: Any = context.view_layer
+        column = layout.column(heading="Include")
+        for render_pass in passes.all_passes():
+            if switch := passes.BLENDER_SWITCH.get(render_pass.name):
+                column.prop(view_layer, switch, text=render_pass.name)
+        for render_pass in passes.own_passes():
+            column.prop(view_layer.dualcone, passes.switch_name(render_pass.name))
+
+
+CLASSES = (
+    DUALCONE_OT_preset_add,
+    DUALCONE_PT_sampling_presets,
+    DUALCONE_PT_problem,
+    DUALCONE_PT_sampling,
+    DUALCONE_PT_reuse,
+    DUALCONE_PT_light_paths,
+    DUALCONE_PT_film,
+    DUALCONE_PT_performance,
+    DUALCONE_PT_passes,
+)
+
+
+def is_shown(name: str, engines: set[str]) -> bool:
+    """Whether one of Blender's own panels shall appear with DualCone."""
+    if name in UNWELCOME_PANELS or name.startswith(UNWELCOME_PREFIXES):
+        return False
+    return name in WELCOME_PANELS or "BLENDER_RENDER" in engines
+
+
+_joined: list[set[str]] = []
+
+
+def register() -> None:
+    """Add the panels and join Blender's own."""
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", None)
+        if isinstance(engines, set) and ENGINE not in engines and is_shown(panel.__name__, engines):
+            engines.add(ENGINE)
+            _joined.append(engines)
+
+
+def unregister() -> None:
+    """Leave Blender's panels as they were found."""
+    while _joined:
+        _joined.pop().discard(ENGINE)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
