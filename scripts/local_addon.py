@@ -1,26 +1,20 @@
 """Use addon/ in a bpy wheel without installing it."""
 
-import importlib.util
+import importlib
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 
-ADDON = Path(__file__).resolve().parent.parent / "addon"
+ROOT = str(Path(__file__).resolve().parent.parent)
 
 
 def load() -> ModuleType:
-    """Import addon/ as the package `dualcone_addon`, the way Blender imports an extension."""
-    spec = importlib.util.spec_from_file_location(
-        "dualcone_addon", ADDON / "__init__.py", submodule_search_locations=[str(ADDON)]
-    )
-    if spec is None or spec.loader is None:
-        raise ImportError(f"{ADDON} is not a package")
-    package = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = package
-    spec.loader.exec_module(package)
-    return package
+    """Import addon/ as a package."""
+    if ROOT not in sys.path:
+        sys.path.insert(0, ROOT)
+    return importlib.import_module("addon")
 
 
 @contextmanager
