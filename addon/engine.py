@@ -310,7 +310,7 @@ def unsupported(scene: bpy.types.Scene) -> Iterator[str]:
 
 
 @bpy.app.handlers.persistent
-def forget(*_args: Any) -> None:  # noqa: ANN401 - Blender decides what it hands to handlers
+def forget(*_args: Any) -> None:
     """Drop what a job left: it begins or ends, or another file was loaded."""
     SESSION.clear()
 

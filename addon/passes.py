@@ -95,8 +95,11 @@ class Canvas:
         self._engine.update_result(self._opened())
 
     def stamp(self, fields: Mapping[str, str]) -> None:
-        """Add fields to the file's metadata, under names that tell view layers apart."""
-        result = self._opened()
+        """Add fields to the file's metadata, under names that tell view layers apart.
+
+        They belong to the frame's own result: those of an opened one are lost when it is merged.
+        """
+        result = self._engine.get_result()
         for name, value in fields.items():
             result.stamp_data_add_field(f"dualcone.{self._view_layer}.{name}", value)
 

@@ -12,7 +12,7 @@ import ctypes
 import os
 import sys
 import time
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -32,7 +32,7 @@ MEMORY_SHARE = 0.25
 CacheT = TypeVar("CacheT")
 
 
-class Stopped(Exception):  # noqa: N818 - it is no error
+class Stopped(Exception):
     """The user pressed Esc."""
 
 
@@ -211,15 +211,6 @@ def physical_memory_bytes() -> int:
         return 8 << 30
 
 
-class Scene(Protocol):
-    """An exported frame, as the renderer wants it."""
-
-    frame: int
-    meshes: Sequence[Any]
-    images: Sequence[Any]
-    arrays: Mapping[str, np.ndarray]
-
-
 class RunningRender(Protocol):
     """What can be asked of a render in the background."""
 
@@ -237,7 +228,7 @@ class Watch:
     """The user at the other end of a render."""
 
     is_stopped: Callable[[], bool]
-    show: Callable[[RunningRender], None]
+    show: Callable[[RunningRender], object]
 
 
 def frames_needed(core: ModuleType, order: Order) -> list[int]:
@@ -248,7 +239,7 @@ def frames_needed(core: ModuleType, order: Order) -> list[int]:
 
 
 def render(
-    core: ModuleType, order: Order, scenes: Sequence[Scene], watch: Watch
+    core: ModuleType, order: Order, scenes: Sequence[Any], watch: Watch
 ) -> dict[int, dict[str, Any]]:
     """Render the targets together and wait for them.
 
@@ -279,7 +270,7 @@ def render(
         job.cancel()
 
 
-def _start(core: ModuleType, order: Order, scenes: Sequence[Scene]) -> Any:  # noqa: ANN401
+def _start(core: ModuleType, order: Order, scenes: Sequence[Any]) -> Any:
     recipe = order.recipe
     region = recipe.region._asdict()
     with _core_errors():
@@ -327,7 +318,7 @@ def status_line(progress: dict[str, Any], targets: Sequence[int]) -> str:
     line = f"Frame {progress['frame']}"
     if len(targets) > 1:
         line += f" (rendering {targets[0]} to {targets[-1]} together)"
-    parts = [line, PHASES.get(progress["phase"], progress["phase"])]
+    parts: list[str] = [line, PHASES[progress["phase"]]]
     if progress["samples_total"]:
         parts.append(f"Sample {progress['samples_done']}/{progress['samples_total']}")
     if progress["seconds_left"] is not None:

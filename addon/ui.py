@@ -51,7 +51,7 @@ class RenderPanel:
         layout.use_property_split = True
         layout.use_property_decorate = False
         scene = context.scene
-        self.draw_rows(layout, scene, cast(Any, scene).dualcone)
+        self.draw_rows(layout, scene, scene.dualcone)
 
     def draw_rows(
         self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
