@@ -79,6 +79,8 @@ pub(crate) struct DirectionTest {
 
 const RINGS: usize = 16;
 const SECTORS: usize = 24;
+/// What the quadrature may miss of a density with edges.
+const QUADRATURE_ERROR: f64 = 0.01;
 
 impl DirectionTest {
     /// The whole sphere about `axis`.
@@ -107,13 +109,21 @@ impl DirectionTest {
         let mut expected: Vec<f64> = (0..RINGS * SECTORS)
             .map(|cell| self.integral(cell, &pdf) * f64::from(self.samples))
             .collect();
-        let rest = f64::from(self.samples) - expected.iter().sum::<f64>();
-        assert!(
-            rest > -0.02 * f64::from(self.samples),
-            "the density integrates to {}",
-            1.0 - rest / f64::from(self.samples)
-        );
-        expected.push(rest.max(0.0));
+        let samples = f64::from(self.samples);
+        let inside: f64 = expected.iter().sum();
+        let given_up = observed[RINGS * SECTORS];
+        if (inside / samples - 1.0).abs() < QUADRATURE_ERROR
+            && given_up < QUADRATURE_ERROR * samples
+        {
+            // All of the density is in the grid; what is missing, the quadrature lost at edges.
+            let scale = (samples - given_up) / inside;
+            expected.iter_mut().for_each(|e| *e *= scale);
+            observed.pop();
+        } else {
+            let rest = samples - inside;
+            assert!(rest > 0.0, "the density integrates to {}", inside / samples);
+            expected.push(rest);
+        }
         chi_square_score(&observed, &expected)
     }
 

@@ -1,7 +1,10 @@
 //! Random numbers, and what they choose: directions of surfaces and of lights.
 
 pub mod bsdf;
+mod discrete;
+pub mod lights;
 mod sampler;
 
 pub use bsdf::{Bsdf, BsdfSample, LobePdfs, LobeValues, Part, Principled};
+pub use lights::{LightClass, LightHit, LightSample, LightSampler, emitted_radiance};
 pub use sampler::{CameraSample, LightUse, Sampler, ScatterUse};

@@ -1,0 +1,81 @@
+//! Choosing one of many with given weights.
+
+/// A cumulative distribution; what it says is exactly what it draws.
+#[derive(Debug, Clone)]
+pub struct Discrete {
+    /// Starts at 0, ends at 1; the step at an index is its probability.
+    cumulative: Vec<f32>,
+}
+
+impl Discrete {
+    /// A distribution proportional to `weights`; `None` if all are zero or the sum is not finite.
+    pub fn new(weights: impl IntoIterator<Item = f32>) -> Option<Self> {
+        let mut sum = 0.0;
+        let sums: Vec<f64> = weights
+            .into_iter()
+            .map(|weight| {
+                sum += f64::from(weight);
+                sum
+            })
+            .collect();
+        if !(sum > 0.0 && sum.is_finite()) {
+            return None;
+        }
+        let mut cumulative = vec![0.0];
+        cumulative.extend(sums.into_iter().map(|s| (s / sum) as f32));
+        Some(Self { cumulative })
+    }
+
+    /// An index and its probability. `u` comes back as a number that is uniform again.
+    pub fn sample(&self, u: f32) -> (usize, f32, f32) {
+        let (index, pmf, rest) = step(&self.cumulative, u);
+        (index, pmf, rest)
+    }
+
+    /// Probability of an index.
+    pub fn pmf(&self, index: usize) -> f32 {
+        self.cumulative[index + 1] - self.cumulative[index]
+    }
+
+    /// The distribution as steps from 0 to 1.
+    pub fn cumulative(&self) -> &[f32] {
+        &self.cumulative
+    }
+}
+
+/// [`Discrete::sample`] on a borrowed cumulative distribution.
+pub fn step(cumulative: &[f32], u: f32) -> (usize, f32, f32) {
+    let u = u.clamp(0.0, 1.0 - f32::EPSILON / 2.0);
+    let index = cumulative.partition_point(|&c| c <= u) - 1;
+    let pmf = cumulative[index + 1] - cumulative[index];
+    let rest = ((u - cumulative[index]) / pmf).min(1.0 - f32::EPSILON / 2.0);
+    (index, pmf, rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn draws_what_it_says_and_never_what_has_no_weight() {
+        let weights = [0.0, 3.0, 0.0, 1.0, 4.0, 0.0];
+        let discrete = Discrete::new(weights).unwrap();
+        let mut count = [0; 6];
+        for i in 0..8000 {
+            let (index, pmf, rest) = discrete.sample((i as f32 + 0.5) / 8000.0);
+            assert_eq!(pmf, discrete.pmf(index));
+            assert!((0.0..1.0).contains(&rest));
+            count[index] += 1;
+        }
+        assert_eq!(count, [0, 3000, 0, 1000, 4000, 0]);
+        assert_eq!(discrete.sample(0.0).0, 1);
+        assert_eq!(discrete.sample(1.0).0, 4);
+    }
+
+    #[test]
+    fn nothing_to_choose_from_is_none() {
+        assert!(Discrete::new([]).is_none());
+        assert!(Discrete::new([0.0, 0.0]).is_none());
+        assert!(Discrete::new([f32::NAN]).is_none());
+    }
+}

@@ -1,0 +1,339 @@
+//! The surroundings as a light: their sky, and apart from it their sun.
+//!
+//! An image's sun is a compact region that is far brighter than the rest. It becomes a light of its
+//! own, so that a point in its shadow does not waste its samples on it, and so that light that
+//! must not be borrowed (method, section 3) can be told from light that may.
+
+use std::collections::VecDeque;
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+use glam::{Mat3A, Vec3A};
+
+use super::table::{CellTable, Grid};
+use super::{Emitter, LightClass, LightSample, Receiver};
+use crate::math::warp::{pdf_cosine_hemisphere, sample_cosine_hemisphere};
+use crate::math::{Frame, luminance};
+use crate::sampling::discrete::Discrete;
+use crate::scene::{Image, World};
+
+/// A sun's cells are at least this share of the brightest cell: its glow in hazy air is sky.
+const SUN_EDGE: f32 = 1.0 / 64.0;
+/// ... and this many times the mean of the whole image: what is dimmer needs no light of its own.
+const SUN_CONTRAST: f32 = 16.0;
+/// A sun is no larger than this [sr], a disk 6.5 degrees wide: larger ones cast soft shadows.
+const SUN_SOLID_ANGLE: f32 = 0.01;
+/// A sun gives at least this share of all light; below, it is not worth its samples.
+const SUN_SHARE: f32 = 0.01;
+
+/// What an image says about where light comes from; made once and shared by frames.
+#[derive(Debug)]
+pub(super) struct ImageTables {
+    image: Arc<Image>,
+    sky: Option<CellTable>,
+    sun: Option<SunTable>,
+    /// Mean luminance of the sky over the sphere.
+    sky_mean: f32,
+}
+
+/// The sun's cells.
+#[derive(Debug)]
+struct SunTable {
+    grid: Grid,
+    /// In rising order.
+    cells: Vec<u32>,
+    choice: Discrete,
+    /// Towards the middle of its light.
+    direction: Vec3A,
+    /// Luminance times solid angle: what a facing plane receives.
+    irradiance: f32,
+}
+
+impl ImageTables {
+    pub(super) fn new(image: &Arc<Image>) -> Self {
+        let (grid, side) = Grid::for_image(image);
+        let luminances = cell_luminances(image, grid, side);
+        let mut energies: Vec<f32> = luminances
+            .iter()
+            .enumerate()
+            .map(|(cell, luminance)| luminance * grid.solid_angle(cell / grid.width))
+            .collect();
+        let sun = SunTable::find(grid, &luminances, &energies);
+        if let Some(sun) = &sun {
+            for &cell in &sun.cells {
+                energies[cell as usize] = 0.0;
+            }
+        }
+        let sky_energy: f64 = energies.iter().copied().map(f64::from).sum();
+        Self {
+            image: image.clone(),
+            sky: CellTable::new(grid, &energies),
+            sun,
+            sky_mean: sky_energy as f32 / (4.0 * PI),
+        }
+    }
+}
+
+/// Mean luminance of each cell of the bilinearly filtered image.
+///
+/// The mean over a texel of a bilinear blend weighs the texel and its neighbours 6 : 1 : 1 along
+/// each axis, so that no lit direction lies in a cell without weight.
+fn cell_luminances(image: &Image, grid: Grid, side: usize) -> Vec<f32> {
+    let (width, height) = image.size();
+    let texel = |x, y| luminance(Vec3A::from_vec4(image.texel(x, y)).max(Vec3A::ZERO));
+    let across = |x: usize, y: usize| {
+        let (left, right) = ((x + width - 1) % width, (x + 1) % width);
+        (texel(left, y) + 6.0 * texel(x, y) + texel(right, y)) / 8.0
+    };
+    let mut luminances = vec![0.0; grid.cells()];
+    for y in 0..grid.height * side {
+        let (below, above) = (y.saturating_sub(1), (y + 1).min(height - 1));
+        for x in 0..grid.width * side {
+            let mean = (across(x, below) + 6.0 * across(x, y) + across(x, above)) / 8.0;
+            luminances[y / side * grid.width + x / side] += mean / (side * side) as f32;
+        }
+    }
+    luminances
+}
+
+impl SunTable {
+    /// The image's sun, if it has one.
+    fn find(grid: Grid, luminances: &[f32], energies: &[f32]) -> Option<Self> {
+        let total: f64 = energies.iter().copied().map(f64::from).sum();
+        let mean = total as f32 / (4.0 * PI);
+        let (peak, &brightest) = luminances
+            .iter()
+            .enumerate()
+            .max_by(|a, b| a.1.total_cmp(b.1))?;
+        let threshold = (SUN_EDGE * brightest).max(SUN_CONTRAST * mean);
+        if !(brightest > threshold) {
+            return None;
+        }
+        let cells = grown_region(grid, peak, |cell| luminances[cell] > threshold)?;
+        let energy = |cell: &u32| energies[*cell as usize];
+        let irradiance: f32 = cells.iter().map(energy).sum();
+        let toward = |cell: &u32| energy(cell) * grid.direction(*cell as usize, [0.5, 0.5]);
+        (f64::from(irradiance) > f64::from(SUN_SHARE) * total).then_some(())?;
+        Some(Self {
+            grid,
+            choice: Discrete::new(cells.iter().map(energy))?,
+            direction: cells
+                .iter()
+                .map(toward)
+                .sum::<Vec3A>()
+                .normalize_or(Vec3A::Z),
+            irradiance,
+            cells,
+        })
+    }
+
+    fn sample(&self, u_choice: f32, u: [f32; 2]) -> (Vec3A, f32) {
+        let (index, pmf, _) = self.choice.sample(u_choice);
+        let cell = self.cells[index] as usize;
+        let density = pmf / self.grid.solid_angle(cell / self.grid.width);
+        (self.grid.direction(cell, u), density)
+    }
+
+    fn pdf(&self, direction: Vec3A) -> f32 {
+        let cell = self.grid.cell(direction);
+        let found = self.cells.binary_search(&(cell as u32));
+        found.map_or(0.0, |index| {
+            self.choice.pmf(index) / self.grid.solid_angle(cell / self.grid.width)
+        })
+    }
+}
+
+/// The cells that hang together with `start` and are bright, and a rim of one cell, which takes up
+/// what the filter spreads; in rising order. `None` where the bright ones exceed
+/// [`SUN_SOLID_ANGLE`].
+fn grown_region(grid: Grid, start: usize, bright: impl Fn(usize) -> bool) -> Option<Vec<u32>> {
+    let mut region = std::collections::BTreeSet::from([start as u32]);
+    let mut queue = VecDeque::from([start]);
+    let mut solid_angle = 0.0;
+    while let Some(cell) = queue.pop_front() {
+        solid_angle += grid.solid_angle(cell / grid.width);
+        if solid_angle > SUN_SOLID_ANGLE {
+            return None;
+        }
+        for neighbour in neighbours(grid, cell) {
+            if region.insert(neighbour as u32) && bright(neighbour) {
+                queue.push_back(neighbour);
+            }
+        }
+    }
+    Some(region.into_iter().collect())
+}
+
+/// The up to eight neighbours of a cell; columns wrap around.
+fn neighbours(grid: Grid, cell: usize) -> impl Iterator<Item = usize> {
+    let (row, column) = (cell / grid.width, cell % grid.width);
+    let rows = row.saturating_sub(1)..=(row + 1).min(grid.height - 1);
+    rows.flat_map(move |row| {
+        [grid.width - 1, 0, 1].map(|shift| row * grid.width + (column + shift) % grid.width)
+    })
+}
+
+/// Directions of the world and of the image, and how densities change between them.
+#[derive(Debug, Clone, Copy)]
+struct Mapping {
+    environment_from_world: Mat3A,
+    world_from_environment: Mat3A,
+    determinant: f32,
+}
+
+impl Mapping {
+    /// `None` for a mapping without inverse: its image covers the sky in no countable way.
+    fn new(environment_from_world: Mat3A) -> Option<Self> {
+        let determinant = environment_from_world.determinant().abs();
+        let world_from_environment = environment_from_world.inverse();
+        (determinant > 0.0 && world_from_environment.is_finite()).then_some(Self {
+            environment_from_world,
+            world_from_environment,
+            determinant,
+        })
+    }
+
+    fn world(&self, direction: Vec3A) -> Vec3A {
+        (self.world_from_environment * direction).normalize_or(Vec3A::Z)
+    }
+
+    /// The image's direction, and its solid angle per solid angle of the world (1 if it only
+    /// turns).
+    fn environment(&self, direction: Vec3A) -> (Vec3A, f32) {
+        let mapped = self.environment_from_world * direction;
+        let length = mapped.length();
+        (
+            mapped / length,
+            self.determinant / (length * length * length),
+        )
+    }
+}
+
+/// The surroundings without their sun.
+#[derive(Debug)]
+pub(super) struct Sky {
+    world: World,
+    mean: f32,
+    /// `None` for a plain sky, which is drawn by the cosine.
+    image: Option<(Arc<ImageTables>, Mapping)>,
+}
+
+/// The sun of an image.
+#[derive(Debug)]
+pub(super) struct ImageSun {
+    world: World,
+    tables: Arc<ImageTables>,
+    mapping: Mapping,
+    direction: Vec3A,
+    irradiance: f32,
+}
+
+/// The world's lights: its sky and its sun, where they shine. Tables are taken over from `previous`
+/// while the image stays the same.
+pub(super) fn lights_of(
+    world: &World,
+    previous: Option<&Arc<ImageTables>>,
+) -> (Option<Sky>, Option<ImageSun>, Option<Arc<ImageTables>>) {
+    let factor = luminance(world.radiance.max(Vec3A::ZERO));
+    if !(factor > 0.0) {
+        return (None, None, None);
+    }
+    let mapped = Mapping::new(world.environment_from_world).zip(world.image.as_ref());
+    let Some((mapping, image)) = mapped else {
+        let plain = Sky {
+            world: world.clone(),
+            mean: factor,
+            image: None,
+        };
+        return (Some(plain), None, None);
+    };
+    let same = previous.filter(|tables| Arc::ptr_eq(&tables.image, image));
+    let tables = same.map_or_else(|| Arc::new(ImageTables::new(image)), Arc::clone);
+    let sky = tables.sky.is_some().then(|| Sky {
+        world: world.clone(),
+        mean: factor * tables.sky_mean,
+        image: Some((tables.clone(), mapping)),
+    });
+    let sun = tables.sun.as_ref().map(|sun| ImageSun {
+        world: world.clone(),
+        tables: tables.clone(),
+        mapping,
+        direction: mapping.world(sun.direction),
+        irradiance: factor * sun.irradiance,
+    });
+    (sky, sun, Some(tables))
+}
+
+fn distant(world: &World, direction: Vec3A, pdf: f32, class: LightClass) -> Option<LightSample> {
+    (pdf > 0.0 && pdf.is_finite()).then(|| LightSample {
+        direction,
+        distance: f32::INFINITY,
+        radiance: world.radiance(direction),
+        pdf_solid_angle: pdf,
+        is_delta: false,
+        class,
+    })
+}
+
+impl Emitter for Sky {
+    fn irradiance(&self, _: &Receiver) -> f32 {
+        PI * self.mean
+    }
+
+    fn power(&self, scene_radius: f32) -> f32 {
+        4.0 * PI * PI * scene_radius * scene_radius * self.mean
+    }
+
+    fn sample(&self, receiver: &Receiver, _: f32, u: [f32; 2]) -> Option<LightSample> {
+        let Some((tables, mapping)) = &self.image else {
+            let local = sample_cosine_hemisphere(u);
+            let direction = Frame::from_normal(receiver.normal).to_world(local);
+            let pdf = pdf_cosine_hemisphere(local.z);
+            return distant(&self.world, direction, pdf, LightClass::Sky);
+        };
+        let (direction, pdf) = tables.sky.as_ref()?.sample(u);
+        let direction = mapping.world(direction);
+        let pdf = pdf * mapping.environment(direction).1;
+        distant(&self.world, direction, pdf, LightClass::Sky)
+    }
+
+    fn pdf_of_direction(&self, receiver: &Receiver, direction: Vec3A) -> f32 {
+        let Some((tables, mapping)) = &self.image else {
+            return pdf_cosine_hemisphere(receiver.normal.dot(direction));
+        };
+        let (direction, stretch) = mapping.environment(direction);
+        tables
+            .sky
+            .as_ref()
+            .map_or(0.0, |sky| stretch * sky.pdf(direction))
+    }
+}
+
+impl Emitter for ImageSun {
+    fn irradiance(&self, receiver: &Receiver) -> f32 {
+        /// Sine of the largest sun's half angle.
+        const SIN_HALF_ANGLE: f32 = 0.06;
+        let cos = receiver.normal.dot(self.direction);
+        self.irradiance * (cos + SIN_HALF_ANGLE).clamp(0.0, 1.0)
+    }
+
+    fn power(&self, scene_radius: f32) -> f32 {
+        self.irradiance * PI * scene_radius * scene_radius
+    }
+
+    fn sample(&self, _: &Receiver, u_choice: f32, u: [f32; 2]) -> Option<LightSample> {
+        let (direction, pdf) = self.tables.sun.as_ref()?.sample(u_choice, u);
+        let direction = self.mapping.world(direction);
+        let pdf = pdf * self.mapping.environment(direction).1;
+        distant(&self.world, direction, pdf, LightClass::Sun)
+    }
+
+    fn pdf_of_direction(&self, _: &Receiver, direction: Vec3A) -> f32 {
+        let (direction, stretch) = self.mapping.environment(direction);
+        let sun = self.tables.sun.as_ref();
+        sun.map_or(0.0, |sun| stretch * sun.pdf(direction))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,213 @@
+use super::*;
+use crate::contract::{Given, Numbers};
+use crate::math::statistics::{DirectionTest, MAX_SCORE, Random};
+use crate::math::warp::sample_sphere;
+use crate::scene::{Extension, Interpolation};
+
+const WIDTH: usize = 256;
+const HEIGHT: usize = 128;
+
+/// A smooth sky, dark below; where there is a `sun`, a block of 2 x 2 texels of that radiance.
+fn image(sun: Option<(usize, usize, f32)>) -> Arc<Image> {
+    let mut pixels = vec![1.0f32; WIDTH * HEIGHT * 4];
+    for (i, pixel) in pixels.chunks_mut(4).enumerate() {
+        let (x, y) = ((i % WIDTH) as f32, i / WIDTH);
+        let up = y as f32 / HEIGHT as f32;
+        let value = if y < 8 {
+            0.0
+        } else {
+            up * (1.2 + (x * 0.05).sin())
+        };
+        pixel[..3].copy_from_slice(&[0.7 * value, value, 1.4 * value]);
+    }
+    if let Some((x, y, radiance)) = sun {
+        for (dx, dy) in (0..4).map(|i| (i % 2, i / 2)) {
+            let at = 4 * ((y + dy) * WIDTH + (x + dx) % WIDTH);
+            pixels[at..at + 3].fill(radiance);
+        }
+    }
+    let given = Given {
+        name: "pixels".into(),
+        shape: vec![HEIGHT, WIDTH, 4],
+        numbers: Numbers::F32(&pixels),
+    };
+    let image = Image::new(vec![given], Extension::Repeat, Interpolation::Linear);
+    Arc::new(image.unwrap())
+}
+
+fn world(image: Arc<Image>, environment_from_world: Mat3A) -> World {
+    World {
+        radiance: Vec3A::splat(0.5),
+        image: Some(image),
+        environment_from_world,
+    }
+}
+
+fn turned() -> Mat3A {
+    Mat3A::from_rotation_z(0.7) * Mat3A::from_rotation_x(0.4)
+}
+
+/// Not a rotation: the image is stretched over the sky.
+fn stretched() -> Mat3A {
+    turned() * Mat3A::from_diagonal(glam::Vec3::new(1.0, 1.6, 0.7))
+}
+
+const RECEIVER: Receiver = Receiver {
+    point: Vec3A::ZERO,
+    normal: Vec3A::Z,
+};
+
+/// Luminance of the world over the sphere by brute force: 4096 x 2048 directions.
+fn energy(world: &World) -> f64 {
+    let grid = Grid {
+        width: 4096,
+        height: 2048,
+    };
+    let cells = (0..grid.cells()).map(|cell| {
+        let radiance = world.radiance(grid.direction(cell, [0.5, 0.5]));
+        f64::from(luminance(radiance) * grid.solid_angle(cell / grid.width))
+    });
+    cells.sum()
+}
+
+#[test]
+fn sky_and_sun_together_hold_the_energy_of_the_image() {
+    for sun in [None, Some((80, 100, 6e3)), Some((255, 90, 4e4))] {
+        let world = world(image(sun), Mat3A::IDENTITY);
+        let (sky, found, _) = lights_of(&world, None);
+        assert_eq!(found.is_some(), sun.is_some());
+        let sun_energy = found.map_or(0.0, |sun| f64::from(sun.irradiance));
+        let sky_energy = sky.map_or(0.0, |sky| f64::from(sky.mean) * 4.0 * std::f64::consts::PI);
+        let total = sun_energy + sky_energy;
+        // The table rounds edges of texels at the poles, by less than half a percent.
+        assert!(
+            (total / energy(&world) - 1.0).abs() < 5e-3,
+            "{sun:?}: {total}"
+        );
+        if let Some((_, _, radiance)) = sun {
+            let solid_angle = 4.0 * (2.0 * PI / WIDTH as f32) * (PI / HEIGHT as f32);
+            let most = 0.5 * f64::from(radiance * solid_angle);
+            assert!(
+                sun_energy > 0.3 * most && sun_energy < 1.2 * most,
+                "{sun_energy}"
+            );
+        }
+    }
+}
+
+#[test]
+fn bright_but_wide_and_small_but_dim_regions_are_sky() {
+    // A window as wide as a quarter of the image, and a lamp of a tenth of a percent.
+    let mut wide = vec![0.01f32; WIDTH * HEIGHT * 4];
+    for y in 60..100 {
+        wide[4 * (y * WIDTH + 40)..4 * (y * WIDTH + 104)].fill(100.0);
+    }
+    let given = Given {
+        name: "pixels".into(),
+        shape: vec![HEIGHT, WIDTH, 4],
+        numbers: Numbers::F32(&wide),
+    };
+    let wide = Image::new(vec![given], Extension::Repeat, Interpolation::Linear).unwrap();
+    for image in [Arc::new(wide), image(Some((80, 100, 4.0)))] {
+        assert!(lights_of(&world(image, Mat3A::IDENTITY), None).1.is_none());
+    }
+}
+
+fn score(light: &dyn Emitter, test: &DirectionTest) -> f64 {
+    test.score(
+        |random| {
+            let u_choice = random.next();
+            Some(
+                light
+                    .sample(&RECEIVER, u_choice, random.next_2d())?
+                    .direction,
+            )
+        },
+        |direction| light.pdf_of_direction(&RECEIVER, direction),
+    )
+}
+
+#[test]
+fn sky_follows_its_pdf_under_any_mapping() {
+    for mapping in [Mat3A::IDENTITY, turned(), stretched()] {
+        let (sky, _, _) = lights_of(&world(image(None), mapping), None);
+        let test = DirectionTest {
+            quadrature: 48,
+            ..DirectionTest::sphere(Vec3A::Z)
+        };
+        let score = score(&sky.unwrap(), &test);
+        assert!(score < MAX_SCORE, "{mapping}: {score}");
+    }
+}
+
+#[test]
+fn sun_follows_its_pdf_under_any_mapping() {
+    for mapping in [Mat3A::IDENTITY, turned(), stretched()] {
+        let world = world(image(Some((80, 100, 6e3))), mapping);
+        let (_, sun, _) = lights_of(&world, None);
+        let sun = sun.unwrap();
+        let test = DirectionTest {
+            one_minus_cos_max: 0.012,
+            quadrature: 96,
+            ..DirectionTest::sphere(sun.direction)
+        };
+        let score = score(&sun, &test);
+        assert!(score < MAX_SCORE, "{mapping}: {score}");
+    }
+}
+
+/// The density over the whole sphere, by uniform directions: 5 standard deviations.
+#[test]
+fn densities_integrate_to_one() {
+    for mapping in [Mat3A::IDENTITY, stretched()] {
+        let world = world(image(Some((80, 100, 6e3))), mapping);
+        let (sky, _, _) = lights_of(&world, None);
+        let sky = sky.unwrap();
+        let mut random = Random::new(15);
+        let (mut sum, mut squares, samples) = (0.0, 0.0, 400_000);
+        for _ in 0..samples {
+            let direction = sample_sphere(random.next_2d());
+            let value =
+                f64::from(sky.pdf_of_direction(&RECEIVER, direction)) * 4.0 * std::f64::consts::PI;
+            sum += value;
+            squares += value * value;
+        }
+        let mean = sum / f64::from(samples);
+        let sigma = ((squares / f64::from(samples) - mean * mean) / f64::from(samples)).sqrt();
+        assert!((mean - 1.0).abs() < 5.0 * sigma, "{mean} +- {sigma}");
+    }
+}
+
+/// What is drawn has the radiance and the density that its direction has, and nothing is sky and
+/// sun at once.
+#[test]
+fn sky_and_sun_share_the_sphere() {
+    let world = world(image(Some((255, 90, 4e4))), turned());
+    let (sky, sun, _) = lights_of(&world, None);
+    let parts: [Box<dyn Emitter>; 2] = [Box::new(sky.unwrap()), Box::new(sun.unwrap())];
+    let mut random = Random::new(16);
+    let mut doubtful = 0;
+    for i in 0..20_000 {
+        let (own, other) = (&parts[i % 2], &parts[1 - i % 2]);
+        let u_choice = random.next();
+        let sample = own.sample(&RECEIVER, u_choice, random.next_2d()).unwrap();
+        assert_eq!(sample.radiance, world.radiance(sample.direction));
+        let density = own.pdf_of_direction(&RECEIVER, sample.direction);
+        // On a border between cells rounding may tell another cell.
+        let differs = (density / sample.pdf_solid_angle - 1.0).abs() > 1e-3;
+        let shared = other.pdf_of_direction(&RECEIVER, sample.direction) > 0.0;
+        doubtful += u32::from(differs || shared);
+    }
+    assert!(doubtful < 20, "{doubtful}");
+}
+
+#[test]
+fn tables_are_made_once_for_an_image() {
+    let image = image(None);
+    let (_, _, first) = lights_of(&world(image.clone(), Mat3A::IDENTITY), None);
+    let first = first.unwrap();
+    let (_, _, again) = lights_of(&world(image, turned()), Some(&first));
+    assert!(Arc::ptr_eq(&first, &again.unwrap()));
+    let (_, _, other) = lights_of(&world(self::image(None), turned()), Some(&first));
+    assert!(!Arc::ptr_eq(&first, &other.unwrap()));
+}

@@ -1,0 +1,365 @@
+//! Where light comes from: choosing a light for a point, and a direction towards it.
+//!
+//! Every light is an [`Emitter`] in a file of its own. Up to [`EVALUATED_MAX`] lights are weighed by
+//! the irradiance they may give at the point; more are chosen by their power alone.
+//!
+//! Light sampling draws one light; [`LightSample::pdf_solid_angle`] holds the probability of that
+//! choice. Light that a scattered ray runs into is joined to it by multiple importance sampling,
+//! with the densities that [`LightSampler::environment_pdf`], [`LightSampler::emissive_pdf`] and
+//! [`LightSampler::lamps_along`] give.
+//!
+//! # Departures from Cycles
+//! A fixed list instead of a light tree; area lamps are sampled by area.
+
+mod area;
+mod environment;
+mod mesh;
+mod sphere;
+mod sun;
+mod table;
+
+use std::sync::Arc;
+
+use glam::Vec3A;
+
+use super::discrete::Discrete;
+use crate::math::Ray;
+use crate::scene::{Light, LightKind, SceneFrame, World};
+use area::Area;
+use environment::{ImageTables, lights_of};
+use mesh::MeshLight;
+pub use mesh::emitted_radiance;
+use sphere::{Cone, Sphere};
+use sun::Sun;
+
+/// Up to this many lights are weighed at every point. More cost more than a shadow ray.
+const EVALUATED_MAX: usize = 32;
+
+/// What a light's shadow edges are like, and so whether its light may be borrowed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LightClass {
+    /// A distant, small and bright disk.
+    Sun,
+    /// The surroundings without their sun.
+    Sky,
+    /// A lamp or a glowing surface in the scene.
+    Local,
+}
+
+/// A direction towards a light.
+#[derive(Debug, Clone, Copy)]
+pub struct LightSample {
+    /// Unit vector to the light, world space.
+    pub direction: Vec3A,
+    /// Distance to the light [m], infinite for a distant one.
+    pub distance: f32,
+    /// Radiance that arrives unless something is in between; for a light without extent, the
+    /// irradiance on a facing plane, so that `f cos radiance / pdf_solid_angle` holds for both.
+    pub radiance: Vec3A,
+    /// Density [1/sr], the probability of choosing the light included; for a light without extent
+    /// that probability alone.
+    pub pdf_solid_angle: f32,
+    /// Whether the light has no extent, so that no other sampler can find it.
+    pub is_delta: bool,
+    /// Kind of light.
+    pub class: LightClass,
+}
+
+/// A lamp that a ray runs into.
+#[derive(Debug, Clone, Copy)]
+pub struct LightHit {
+    /// Ray parameter, infinite for a sun.
+    pub t: f32,
+    /// Radiance towards the ray's origin.
+    pub radiance: Vec3A,
+    /// Density [1/sr] with which light sampling would have drawn this direction.
+    pub pdf_solid_angle: f32,
+}
+
+/// A point that light arrives at.
+#[derive(Debug, Clone, Copy)]
+struct Receiver {
+    point: Vec3A,
+    /// The side that light must come from.
+    normal: Vec3A,
+}
+
+/// One light.
+trait Emitter: Send + Sync {
+    /// About how much light a plane at the receiver gets [luminance of W/m^2]; zero only where the
+    /// light gives none.
+    fn irradiance(&self, receiver: &Receiver) -> f32;
+
+    /// About how much light it sends into a scene of this radius [luminance of W].
+    fn power(&self, scene_radius: f32) -> f32;
+
+    /// A direction to it; densities are without the probability of choosing this light.
+    fn sample(&self, receiver: &Receiver, u_choice: f32, u: [f32; 2]) -> Option<LightSample>;
+
+    /// What a ray with a unit direction meets, for lamps; `normal` is that of its origin.
+    fn intersect(&self, _ray: &Ray, _normal: Vec3A) -> Option<LightHit> {
+        None
+    }
+
+    /// Density [1/sr] of a direction, for the surroundings.
+    fn pdf_of_direction(&self, _receiver: &Receiver, _direction: Vec3A) -> f32 {
+        0.0
+    }
+
+    /// Density [1/sr] of the point `hit` on a triangle, for glowing instances.
+    fn pdf_of_triangle(&self, _triangle: u32, _point: Vec3A, _hit: Vec3A) -> f32 {
+        0.0
+    }
+
+    /// Whether camera rays see the lamp.
+    fn camera_visible(&self) -> bool {
+        false
+    }
+
+    /// Where it is, unless far away.
+    fn position(&self) -> Option<Vec3A> {
+        None
+    }
+}
+
+/// All lights of a frame.
+pub struct LightSampler {
+    lights: Vec<Box<dyn Emitter>>,
+    /// Lamps stand first in `lights`, the parts of the surroundings follow.
+    lamps: usize,
+    environment: std::ops::Range<usize>,
+    /// Glowing instances, in rising order; their lights come last in `lights`.
+    glowing: Vec<u32>,
+    /// For where there are too many lights to weigh them at every point.
+    by_power: Option<Discrete>,
+    world: World,
+    image_tables: Option<Arc<ImageTables>>,
+}
+
+impl LightSampler {
+    /// The lights of a frame. What is costly to make, the tables of the world's image, is taken
+    /// over from another frame's lights if it fits.
+    pub fn build(frame: &SceneFrame, previous: Option<&LightSampler>) -> Self {
+        let mut lights: Vec<Box<dyn Emitter>> = frame.lights.iter().filter_map(lamp).collect();
+        let lamps = lights.len();
+        let previous = previous.and_then(|p| p.image_tables.as_ref());
+        let (sky, sun, image_tables) = lights_of(&frame.world, previous);
+        lights.extend(sky.map(|sky| Box::new(sky) as Box<dyn Emitter>));
+        lights.extend(sun.map(|sun| Box::new(sun) as Box<dyn Emitter>));
+        let environment = lamps..lights.len();
+        let mut glowing = Vec::new();
+        for instance in 0..frame.instances.len() as u32 {
+            if let Some(light) = MeshLight::new(frame, instance) {
+                glowing.push(instance);
+                lights.push(Box::new(light));
+            }
+        }
+        Self {
+            by_power: (lights.len() > EVALUATED_MAX)
+                .then(|| by_power(&lights))
+                .flatten(),
+            lights,
+            lamps,
+            environment,
+            glowing,
+            world: frame.world.clone(),
+            image_tables,
+        }
+    }
+
+    /// Number of lights.
+    pub fn len(&self) -> usize {
+        self.lights.len()
+    }
+
+    /// Whether the frame has no light at all.
+    pub fn is_empty(&self) -> bool {
+        self.lights.is_empty()
+    }
+
+    /// A light and a direction to it from a point whose lit side `normal` is on.
+    pub fn sample(
+        &self,
+        point: Vec3A,
+        normal: Vec3A,
+        u_choice: f32,
+        u: [f32; 2],
+    ) -> Option<LightSample> {
+        let receiver = Receiver { point, normal };
+        let (index, pmf, u_choice) = self.choose(&receiver, u_choice)?;
+        let mut sample = self.lights[index].sample(&receiver, u_choice, u)?;
+        sample.pdf_solid_angle *= pmf;
+        Some(sample)
+    }
+
+    /// Radiance of the surroundings, their sun included, lamps not.
+    pub fn environment_radiance(&self, direction: Vec3A) -> Vec3A {
+        self.world.radiance(direction)
+    }
+
+    /// Density [1/sr] with which [`LightSampler::sample`] draws this direction from the
+    /// surroundings.
+    pub fn environment_pdf(&self, point: Vec3A, normal: Vec3A, direction: Vec3A) -> f32 {
+        let receiver = Receiver { point, normal };
+        self.environment
+            .clone()
+            .map(|index| {
+                let density = self.lights[index].pdf_of_direction(&receiver, direction);
+                if density > 0.0 {
+                    density * self.pmf(index, &receiver)
+                } else {
+                    0.0
+                }
+            })
+            .sum()
+    }
+
+    /// The lamps that a ray with a unit direction meets up to its end; a sun only if it has none.
+    /// Lamps hide nothing, so all of them count. `normal` is that of the ray's origin and enters
+    /// the density only; from the camera only lamps that it sees are met.
+    pub fn lamps_along(
+        &self,
+        ray: &Ray,
+        normal: Vec3A,
+        from_camera: bool,
+    ) -> impl Iterator<Item = LightHit> {
+        let receiver = Receiver {
+            point: ray.origin,
+            normal,
+        };
+        let lamps = self.lights[..self.lamps].iter().enumerate();
+        let visible = lamps.filter(move |(_, lamp)| !from_camera || lamp.camera_visible());
+        visible.filter_map(move |(index, lamp)| {
+            let mut hit = lamp.intersect(ray, normal)?;
+            hit.pdf_solid_angle *= self.pmf(index, &receiver);
+            Some(hit)
+        })
+    }
+
+    /// Density [1/sr] with which [`LightSampler::sample`] draws the point `hit` on a glowing
+    /// triangle; zero for one that does not glow.
+    pub fn emissive_pdf(
+        &self,
+        instance: u32,
+        triangle: u32,
+        point: Vec3A,
+        normal: Vec3A,
+        hit: Vec3A,
+    ) -> f32 {
+        let Ok(index) = self.glowing.binary_search(&instance) else {
+            return 0.0;
+        };
+        let index = self.environment.end + index;
+        let density = self.lights[index].pdf_of_triangle(triangle, point, hit);
+        density * self.pmf(index, &Receiver { point, normal })
+    }
+
+    /// A light, the probability of choosing it, and a fresh random number.
+    fn choose(&self, receiver: &Receiver, u: f32) -> Option<(usize, f32, f32)> {
+        if self.is_chosen_by_power() {
+            return Some(self.by_power.as_ref()?.sample(u));
+        }
+        let (weights, total) = self.weights(receiver);
+        if !(total > 0.0) {
+            return None;
+        }
+        let mut rest = u * total;
+        let mut chosen = None;
+        for (index, &weight) in weights[..self.lights.len()].iter().enumerate() {
+            if weight > 0.0 {
+                // Where rounding leaves a rest behind the last light, that one is taken.
+                chosen = Some((
+                    index,
+                    weight / total,
+                    (rest / weight).clamp(0.0, ALMOST_ONE),
+                ));
+                if rest < weight {
+                    break;
+                }
+            }
+            rest -= weight;
+        }
+        chosen
+    }
+
+    /// Probability of choosing a light.
+    fn pmf(&self, index: usize, receiver: &Receiver) -> f32 {
+        if self.is_chosen_by_power() {
+            return self
+                .by_power
+                .as_ref()
+                .map_or(0.0, |choice| choice.pmf(index));
+        }
+        let (weights, total) = self.weights(receiver);
+        if total > 0.0 {
+            weights[index] / total
+        } else {
+            0.0
+        }
+    }
+
+    fn is_chosen_by_power(&self) -> bool {
+        self.lights.len() > EVALUATED_MAX
+    }
+
+    fn weights(&self, receiver: &Receiver) -> ([f32; EVALUATED_MAX], f32) {
+        let mut weights = [0.0; EVALUATED_MAX];
+        let mut total = 0.0;
+        for (weight, light) in weights.iter_mut().zip(&self.lights) {
+            // At a lamp's very centre its irradiance has no bound.
+            *weight = light.irradiance(receiver).min(WEIGHT_MAX);
+            total += *weight;
+        }
+        (weights, total)
+    }
+}
+
+/// Keeps sums of weights finite.
+const WEIGHT_MAX: f32 = 1e30;
+
+/// The largest number below one.
+const ALMOST_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+
+/// The emitter of a lamp; `None` for one that cannot shine.
+fn lamp(light: &Light) -> Option<Box<dyn Emitter>> {
+    let (placement, power, visible) = (&light.world_from_light, light.power, light.camera_visible);
+    if !(power.max_element() > 0.0) {
+        return None;
+    }
+    let sphere =
+        |radius, soft, cone| Box::new(Sphere::new(placement, power, radius, soft, cone, visible));
+    let area = |size, shape| {
+        let area = Area::new(placement, power, size, shape, visible)?;
+        Some(Box::new(area) as Box<dyn Emitter>)
+    };
+    match light.kind {
+        LightKind::Sun { angle } => Some(Box::new(Sun::new(placement, power, angle, visible))),
+        LightKind::Point {
+            radius,
+            soft_falloff,
+        } => Some(sphere(radius, soft_falloff, None)),
+        LightKind::Spot {
+            radius,
+            soft_falloff,
+            cone_angle,
+            blend,
+        } => {
+            let cone = Cone::new(placement, cone_angle, blend);
+            Some(sphere(radius, soft_falloff, Some(cone)))
+        }
+        LightKind::AreaRectangle { size } => area(size, area::Shape::Rectangle),
+        LightKind::AreaEllipse { size } => area(size, area::Shape::Ellipse),
+    }
+}
+
+/// A choice by power, for a scene as large as the region that its lamps span.
+fn by_power(lights: &[Box<dyn Emitter>]) -> Option<Discrete> {
+    let positions = || lights.iter().filter_map(|light| light.position());
+    let low = positions().fold(Vec3A::INFINITY, Vec3A::min);
+    let high = positions().fold(Vec3A::NEG_INFINITY, Vec3A::max);
+    let radius = (0.5 * (high - low).length()).clamp(1.0, 1e6);
+    Discrete::new(lights.iter().map(|light| light.power(radius)))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,482 @@
+use std::f32::consts::PI;
+
+use glam::{Affine3A, EulerRot, Mat3A, Mat4, Quat, Vec2, Vec3};
+
+use super::*;
+use crate::contract::{Given, Numbers};
+use crate::math::statistics::{DirectionTest, MAX_SCORE, Random, chi_square_score};
+use crate::scene::{Camera, Closure, ClosureKind, Instance, Material, Mesh};
+
+fn plain_world(radiance: f32) -> World {
+    World {
+        radiance: Vec3A::splat(radiance),
+        image: None,
+        environment_from_world: Mat3A::IDENTITY,
+    }
+}
+
+fn frame_of(lights: Vec<Light>, world: World) -> SceneFrame {
+    let mut projection = Mat4::IDENTITY;
+    (projection.z_axis.w, projection.w_axis.w) = (-1.0, 0.0);
+    SceneFrame {
+        frame: 1,
+        meshes: vec![],
+        instances: vec![],
+        materials: vec![],
+        images: vec![],
+        lights,
+        camera: Camera::new(Affine3A::IDENTITY, projection, [0.1, 100.0]).unwrap(),
+        world,
+    }
+}
+
+fn lamp_at(kind: LightKind, position: Vec3, turn: Quat) -> Light {
+    Light {
+        kind,
+        key: 0,
+        world_from_light: Affine3A::from_rotation_translation(turn, position),
+        power: Vec3A::new(80.0, 100.0, 120.0),
+        camera_visible: true,
+    }
+}
+
+/// A lamp two metres above the origin, shining down.
+fn lamp_above(kind: LightKind) -> Light {
+    lamp_at(kind, Vec3::new(0.0, 0.0, 2.0), Quat::IDENTITY)
+}
+
+fn sampler(lights: Vec<Light>) -> LightSampler {
+    LightSampler::build(&frame_of(lights, plain_world(0.0)), None)
+}
+
+fn point_lamp(radius: f32, soft_falloff: bool) -> LightKind {
+    LightKind::Point {
+        radius,
+        soft_falloff,
+    }
+}
+
+fn spot(radius: f32, soft_falloff: bool, blend: f32) -> LightKind {
+    LightKind::Spot {
+        radius,
+        soft_falloff,
+        cone_angle: 1.0,
+        blend,
+    }
+}
+
+/// Two glowing triangles and a dark one: the square of half edge 1 two metres up, shining down and
+/// up, in an instance that is half as wide as long.
+fn glowing_square() -> SceneFrame {
+    let vertices = [
+        -1., -1., 0., 1., -1., 0., 1., 1., 0., -1., 1., 0., 5., 5., 5f32,
+    ];
+    let triangles = [0, 1, 2, 2, 3, 4, 0, 2, 3u32];
+    let given = |name: &str, shape: &[usize], numbers| Given {
+        name: name.into(),
+        shape: shape.into(),
+        numbers,
+    };
+    let mesh = Mesh::new(vec![
+        given("vertices", &[5, 3], Numbers::F32(&vertices)),
+        given("triangles", &[3, 3], Numbers::U32(&triangles)),
+        given("corner_normals", &[3, 3, 3], Numbers::F32(&[0.0; 27])),
+        given("corner_uvs", &[3, 3, 2], Numbers::F32(&[0.0; 18])),
+        given("material_slots", &[3], Numbers::U32(&[1, 0, 7])),
+    ]);
+    let closure = |emission| Closure {
+        kind: ClosureKind::Emission,
+        weight: 0.5,
+        color: Vec3A::ZERO,
+        color_image: None,
+        roughness: 0.5,
+        roughness_image: None,
+        metallic: 0.0,
+        ior: 1.5,
+        specular: 0.5,
+        alpha: 1.0,
+        alpha_image: None,
+        emission,
+    };
+    let material = |emission| Material {
+        closures: vec![closure(emission)],
+    };
+    let scale = Vec3::new(0.5, 1.0, 1.0);
+    let placement =
+        Affine3A::from_scale_rotation_translation(scale, Quat::IDENTITY, Vec3::new(0.0, 0.0, 2.0));
+    let inverse = placement.inverse();
+    let instance = Instance {
+        mesh: 0,
+        key: 0,
+        world_from_object: placement,
+        object_from_world: inverse,
+        world_from_normal: inverse.matrix3.transpose(),
+        materials: vec![0, 1],
+    };
+    let mut frame = frame_of(vec![], plain_world(0.0));
+    frame.meshes = vec![Arc::new(mesh.unwrap())];
+    frame.materials = vec![material(Vec3A::ZERO), material(Vec3A::splat(10.0))];
+    frame.instances = vec![instance];
+    frame
+}
+
+/// Irradiance by light sampling at a receiver, green, and its standard deviation.
+fn irradiance(lights: &LightSampler, point: Vec3A, normal: Vec3A) -> (f32, f32) {
+    let mut random = Random::new(11);
+    let samples = 200_000;
+    let (mut sum, mut squares) = (0.0f64, 0.0f64);
+    for _ in 0..samples {
+        let u_choice = random.next();
+        if let Some(light) = lights.sample(point, normal, u_choice, random.next_2d()) {
+            let cos = light.direction.dot(normal).max(0.0);
+            let value = f64::from(light.radiance.y * cos / light.pdf_solid_angle);
+            sum += value;
+            squares += value * value;
+        }
+    }
+    let mean = sum / f64::from(samples);
+    let variance = (squares / f64::from(samples) - mean * mean).max(0.0);
+    (mean as f32, (variance / f64::from(samples)).sqrt() as f32)
+}
+
+/// Five standard deviations and rounding: error rate 6e-7 a comparison, fewer than 40 of them.
+fn assert_irradiance(lights: &LightSampler, normal: Vec3A, expected: f32) {
+    let (mean, sigma) = irradiance(lights, Vec3A::ZERO, normal);
+    assert!(
+        (mean - expected).abs() <= 5.0 * sigma + 2e-4 * expected,
+        "{mean} +- {sigma}, expected {expected}"
+    );
+}
+
+#[test]
+fn a_sun_gives_its_irradiance_whatever_its_size() {
+    for angle in [0.0, 0.009_18, 1.0, PI] {
+        let lights = sampler(vec![lamp_above(LightKind::Sun { angle })]);
+        assert_irradiance(&lights, Vec3A::Z, 100.0);
+    }
+    let turn = Quat::from_euler(EulerRot::XYZ, 1.0, 0.0, 0.0);
+    let kind = LightKind::Sun { angle: 0.009_18 };
+    let lights = sampler(vec![lamp_at(kind, Vec3::ZERO, turn)]);
+    assert_irradiance(&lights, Vec3A::Z, 100.0 * 1f32.cos());
+}
+
+/// A uniform ball lights a plane that sees it whole like a point; a disk that turns towards the
+/// plane, of radiance P / (4 pi^2 r^2), gives pi L sin^2.
+#[test]
+fn point_lamps_of_any_radius_give_their_power() {
+    let as_point = 100.0 / (4.0 * PI) / 4.0;
+    for (radius, soft) in [(0.0, false), (0.0, true), (0.1, false), (1.0, false)] {
+        let lights = sampler(vec![lamp_above(point_lamp(radius, soft))]);
+        assert_irradiance(&lights, Vec3A::Z, as_point);
+        let tilted = Vec3A::new(0.6, 0.0, 0.8);
+        if radius < 1.0 {
+            assert_irradiance(&lights, tilted, 0.8 * as_point);
+        }
+    }
+    for radius in [0.1f32, 1.0] {
+        let lights = sampler(vec![lamp_above(point_lamp(radius, true))]);
+        let sin_squared = radius * radius / (4.0 + radius * radius);
+        let expected = 100.0 / (4.0 * PI * radius * radius) * sin_squared;
+        assert_irradiance(&lights, Vec3A::Z, expected);
+    }
+}
+
+/// Inside a ball of radiance L a plane receives pi L.
+#[test]
+fn a_lamp_around_the_point_is_a_furnace() {
+    let lights = sampler(vec![lamp_above(point_lamp(3.0, false))]);
+    assert_irradiance(&lights, Vec3A::Z, PI * 100.0 / (4.0 * PI * PI * 9.0));
+}
+
+/// Cycles: smoothstep of (cos - cos half angle) / ((1 - cos half angle) blend).
+#[test]
+fn spots_fade_towards_their_edge() {
+    for blend in [0.15f32, 1.0] {
+        for angle in [0.0f32, 0.2, 0.4, 0.49, 0.51] {
+            let across = 2.0 * angle.tan();
+            let kind = spot(0.0, false, blend);
+            let light = lamp_at(kind, Vec3::new(across, 0.0, 2.0), Quat::IDENTITY);
+            let edge = 0.5f32.cos();
+            let x = ((angle.cos() - edge) / ((1.0 - edge) * blend)).clamp(0.0, 1.0);
+            let intensity = 100.0 / (4.0 * PI) * x * x * (3.0 - 2.0 * x);
+            let expected = intensity * angle.cos() / (4.0 + across * across);
+            assert_irradiance(&sampler(vec![light]), Vec3A::Z, expected);
+        }
+    }
+}
+
+/// Form factor of a rectangle seen from under its middle; sides in units of the distance.
+fn form_factor(width: f32, length: f32) -> f32 {
+    let (x, y) = (0.5 * width, 0.5 * length);
+    let (hx, hy) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
+    2.0 / PI * (x / hx * (y / hx).atan() + y / hy * (x / hy).atan())
+}
+
+#[test]
+fn area_lamps_follow_their_form_factors_and_shine_to_one_side() {
+    let size = [1.0, 0.5];
+    let rectangle = LightKind::AreaRectangle { size };
+    let radiance = 100.0 / (PI * 0.5);
+    let lights = sampler(vec![lamp_above(rectangle)]);
+    assert_irradiance(&lights, Vec3A::Z, PI * radiance * form_factor(0.5, 0.25));
+    let disk = LightKind::AreaEllipse { size: [1.0, 1.0] };
+    let lights = sampler(vec![lamp_above(disk)]);
+    let radiance = 100.0 / (PI * 0.25 * PI);
+    assert_irradiance(&lights, Vec3A::Z, PI * radiance * 0.25 / 4.25);
+    let upwards = Quat::from_rotation_x(PI);
+    let lights = sampler(vec![lamp_at(rectangle, Vec3::new(0.0, 0.0, 2.0), upwards)]);
+    assert_irradiance(&lights, Vec3A::Z, 0.0);
+}
+
+#[test]
+fn glowing_triangles_shine_to_both_sides() {
+    let frame = glowing_square();
+    let lights = LightSampler::build(&frame, None);
+    let expected = PI * 5.0 * form_factor(0.5, 1.0);
+    assert_irradiance(&lights, Vec3A::Z, expected);
+    let (mean, sigma) = irradiance(&lights, Vec3A::new(0.0, 0.0, 4.0), -Vec3A::Z);
+    assert!((mean - expected).abs() < 5.0 * sigma);
+    assert_eq!(
+        emitted_radiance(&frame, 0, 0, Vec2::splat(0.2)),
+        Vec3A::splat(5.0)
+    );
+    assert_eq!(
+        emitted_radiance(&frame, 0, 1, Vec2::splat(0.2)),
+        Vec3A::ZERO
+    );
+}
+
+#[test]
+fn a_plain_sky_gives_pi_times_its_radiance() {
+    let lights = LightSampler::build(&frame_of(vec![], plain_world(0.7)), None);
+    assert_irradiance(&lights, Vec3A::new(0.6, 0.0, 0.8), 0.7 * PI);
+    assert_eq!(lights.environment_radiance(Vec3A::X), Vec3A::splat(0.7));
+}
+
+/// The density that a ray's hits report for light sampling.
+fn pdf_along(lights: &LightSampler, receiver: &Receiver, direction: Vec3A) -> f32 {
+    let ray = Ray::new(receiver.point, direction);
+    let hits = lights.lamps_along(&ray, receiver.normal, false);
+    let lamps: f32 = hits.map(|hit| hit.pdf_solid_angle).sum();
+    lamps + lights.environment_pdf(receiver.point, receiver.normal, direction)
+}
+
+/// Light samples against the density that rays which meet the light by chance report: what multiple
+/// importance sampling rests on.
+#[test]
+fn light_samples_follow_the_densities_of_the_rays_that_find_them() {
+    let near = Vec3::new(0.5, -0.3, 1.5);
+    // Towards the receiver but for half a spot's cone: the edge of the cone crosses the lamp.
+    let tilt = Quat::from_rotation_x(0.45) * Quat::from_rotation_arc(Vec3::Z, near.normalize());
+    let size = [1.0, 0.6];
+    let kinds = [
+        (LightKind::Sun { angle: 0.4 }, 0.05),
+        (LightKind::Sun { angle: 0.009_18 }, 2e-5),
+        (point_lamp(0.3, false), 0.05),
+        (point_lamp(0.3, true), 0.05),
+        (point_lamp(0.004, false), 1e-5),
+        (point_lamp(4.0, false), 2.0),
+        (spot(0.2, false, 0.3), 0.05),
+        (LightKind::AreaRectangle { size }, 0.2),
+        (LightKind::AreaEllipse { size }, 0.2),
+    ];
+    let receiver = Receiver {
+        point: Vec3A::ZERO,
+        normal: Vec3A::new(0.6, 0.0, 0.8),
+    };
+    for (kind, one_minus_cos_max) in kinds {
+        let light = lamp_at(kind, near, tilt);
+        let axis = match kind {
+            LightKind::Sun { .. } => light.world_from_light.matrix3.z_axis,
+            _ => Vec3A::from(near),
+        };
+        let lights = sampler(vec![light]);
+        let test = DirectionTest {
+            one_minus_cos_max,
+            quadrature: 48,
+            ..DirectionTest::sphere(axis.normalize())
+        };
+        let score = test.score(
+            |random| {
+                let u = random.next_2d();
+                let drawn = lights.sample(receiver.point, receiver.normal, 0.5, u)?;
+                Some(drawn.direction)
+            },
+            |direction| pdf_along(&lights, &receiver, direction),
+        );
+        assert!(score < MAX_SCORE, "{kind:?}: {score}");
+    }
+}
+
+#[test]
+fn glowing_triangles_follow_their_density() {
+    let lights = LightSampler::build(&glowing_square(), None);
+    let (point, normal) = (Vec3A::new(0.3, 0.2, 0.5), Vec3A::Z);
+    let test = DirectionTest {
+        one_minus_cos_max: 0.7,
+        quadrature: 48,
+        ..DirectionTest::sphere(Vec3A::Z)
+    };
+    let score = test.score(
+        |random| {
+            let u_choice = random.next();
+            let drawn = lights.sample(point, normal, u_choice, random.next_2d())?;
+            Some(drawn.direction)
+        },
+        |direction| {
+            // The plane z = 2; triangle 0 is right of the diagonal, triangle 2 left of it.
+            let hit = point + direction * (1.5 / direction.z);
+            let (x, y) = (2.0 * hit.x, hit.y);
+            if x.abs().max(y.abs()) > 1.0 {
+                return 0.0;
+            }
+            let triangle = if x > y { 0 } else { 2 };
+            lights.emissive_pdf(0, triangle, point, normal, hit)
+        },
+    );
+    assert!(score < MAX_SCORE, "{score}");
+    assert_eq!(lights.emissive_pdf(0, 1, point, normal, Vec3A::X), 0.0);
+    assert_eq!(lights.emissive_pdf(3, 0, point, normal, Vec3A::X), 0.0);
+}
+
+fn many_lamps(count: usize) -> Vec<Light> {
+    let mut random = Random::new(12);
+    (0..count)
+        .map(|i| {
+            let position = Vec3::new(random.next(), random.next(), random.next() - 0.2) * 8.0;
+            let kind = match i % 4 {
+                0 => point_lamp(0.1, false),
+                1 => spot(0.1, true, 0.2),
+                2 => LightKind::AreaRectangle { size: [0.5, 0.2] },
+                _ => LightKind::Sun { angle: 0.01 },
+            };
+            let turn = Quat::from_rotation_x(0.3 * i as f32);
+            let mut light = lamp_at(kind, position, turn);
+            light.power *= random.next();
+            light
+        })
+        .collect()
+}
+
+#[test]
+fn probabilities_of_the_lights_sum_to_one_and_are_what_is_drawn() {
+    for count in [5, EVALUATED_MAX - 1, 100] {
+        let lights = LightSampler::build(&frame_of(many_lamps(count), plain_world(1.0)), None);
+        assert_eq!(lights.len(), count + 1);
+        let mut random = Random::new(13);
+        for _ in 0..100 {
+            let receiver = Receiver {
+                point: Vec3A::new(random.next(), random.next(), random.next()) * 8.0,
+                normal: crate::math::warp::sample_sphere(random.next_2d()),
+            };
+            let sum: f32 = (0..lights.len()).map(|i| lights.pmf(i, &receiver)).sum();
+            assert!((sum - 1.0).abs() < 1e-5, "{count}: {sum}");
+        }
+        let receiver = Receiver {
+            point: Vec3A::ONE,
+            normal: Vec3A::Z,
+        };
+        let mut observed = vec![0.0; count + 1 + 10];
+        let mut expected = vec![0.0; count + 1 + 10];
+        for (index, expected) in expected[..=count].iter_mut().enumerate() {
+            *expected = 1e5 * f64::from(lights.pmf(index, &receiver));
+        }
+        for _ in 0..100_000 {
+            let (index, pmf, rest) = lights.choose(&receiver, random.next()).unwrap();
+            assert!((pmf / lights.pmf(index, &receiver) - 1.0).abs() < 1e-5);
+            assert!((0.0..1.0).contains(&rest));
+            observed[index] += 1.0;
+        }
+        if count > 10 {
+            let score = chi_square_score(&observed, &expected);
+            assert!(score < MAX_SCORE, "{count}: {score}");
+        }
+    }
+}
+
+/// Skipping a lamp that cannot reach the point must lose no light: the sum over lamps one by one.
+#[test]
+fn irradiance_of_many_lamps_is_the_sum_over_the_lamps() {
+    for count in [9, 60] {
+        let lamps = many_lamps(count);
+        let (point, normal) = (Vec3A::new(3.0, 4.0, 1.0), Vec3A::new(0.0, 0.6, 0.8));
+        let (mut sum, mut variance) = (0.0, 0.0);
+        for light in &lamps {
+            let (mean, sigma) = irradiance(&sampler(vec![*light]), point, normal);
+            sum += mean;
+            variance += sigma * sigma;
+        }
+        let (mean, sigma) = irradiance(&sampler(lamps), point, normal);
+        let sigma = (sigma * sigma + variance).sqrt();
+        assert!(
+            (mean - sum).abs() < 5.0 * sigma,
+            "{count}: {mean} +- {sigma}, {sum}"
+        );
+    }
+}
+
+#[test]
+fn rays_meet_lamps_up_to_their_end_and_the_camera_only_those_it_sees() {
+    let mut hidden = lamp_above(point_lamp(0.5, false));
+    hidden.camera_visible = false;
+    let lights = sampler(vec![
+        hidden,
+        lamp_above(LightKind::AreaRectangle { size: [1.0, 1.0] }),
+        lamp_above(LightKind::Sun { angle: 0.01 }),
+    ]);
+    let met = |t_max, from_camera| {
+        let ray = Ray::segment(Vec3A::ZERO, Vec3A::Z, t_max);
+        let hits = lights.lamps_along(&ray, Vec3A::Z, from_camera);
+        hits.map(|hit| hit.t).collect::<Vec<f32>>()
+    };
+    assert_eq!(met(f32::INFINITY, false), [1.5, 2.0, f32::INFINITY]);
+    assert_eq!(met(f32::INFINITY, true), [2.0, f32::INFINITY]);
+    assert_eq!(met(1.8, false), [1.5]);
+    assert!(met(1.0, false).is_empty());
+}
+
+/// No placement gives a NaN: at the lamp's centre, on its surface, in its plane, far away.
+#[test]
+fn extreme_receivers_stay_finite() {
+    let size = [1.0, 1.0];
+    let kinds = [
+        LightKind::Sun { angle: 1e-6 },
+        point_lamp(0.0, false),
+        point_lamp(1e-7, false),
+        point_lamp(0.5, false),
+        point_lamp(0.5, true),
+        spot(0.5, false, 0.0),
+        LightKind::AreaRectangle { size },
+        LightKind::AreaEllipse { size },
+    ];
+    let mut random = Random::new(14);
+    for kind in kinds {
+        let lights = sampler(vec![lamp_above(kind)]);
+        for height in [2.0, 1.5, 2.5, 2.0 - 1e-6, -1e6, 1e-20] {
+            for _ in 0..50 {
+                let point = Vec3A::new(0.0, 0.0, height);
+                let normal = crate::math::warp::sample_sphere(random.next_2d());
+                let u = random.next();
+                if let Some(light) = lights.sample(point, normal, u, random.next_2d()) {
+                    let value = light.radiance / light.pdf_solid_angle;
+                    assert!(value.is_finite(), "{kind:?} {height}: {light:?}");
+                    assert!(light.direction.is_normalized() && light.distance > 0.0);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn lamps_without_light_or_area_are_no_lights() {
+    let mut dark = lamp_above(point_lamp(0.1, false));
+    dark.power = Vec3A::ZERO;
+    let line = lamp_above(LightKind::AreaRectangle { size: [1.0, 0.0] });
+    let lights = sampler(vec![dark, line]);
+    assert!(lights.is_empty());
+    assert!(
+        lights
+            .sample(Vec3A::ZERO, Vec3A::Z, 0.5, [0.5; 2])
+            .is_none()
+    );
+}
