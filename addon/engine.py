@@ -28,6 +28,7 @@ from .session import SESSION, Order, Recipe, Region, RenderedFrame, ViewKey
 log = logging.getLogger(__package__)
 
 UNEXPECTED = "DualCone met an unexpected error, please report it with the lines in the console: "
+NOTHING_TO_SEE = "No visible object has a surface: only the world is rendered"
 NO_MEMORY = "Not enough memory: lower Frames Together, the resolution or the detail of the scene"
 
 
@@ -117,6 +118,8 @@ class DualConeEngine(bpy.types.RenderEngine):
             self._warn(warning)
         reader = Reader(self, renderer, depsgraph, order)
         current = reader.read(order.frame)
+        if not len(current.arrays["instance_mesh"]):
+            self._warn(NOTHING_TO_SEE)
         # Reading an unchanged scene again is cheap, and proves that no edit came between.
         finished = SESSION.take(order.view, order.recipe, order.frame, current.content_hash)
         scenes = [] if finished else reader.look_around(current)
