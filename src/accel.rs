@@ -64,6 +64,11 @@ impl Accel {
         }
     }
 
+    /// Corners of the box around the scene, world space; `None` without geometry.
+    pub fn bounds(&self) -> Option<(Vec3A, Vec3A)> {
+        self.instances.bounds()
+    }
+
     /// The first hit in `[t_min, t_max]`.
     pub fn closest_hit(&self, frame: &SceneFrame, ray: &Ray) -> Option<Hit> {
         self.closest_hit_where(frame, ray, |_| true)

@@ -717,7 +717,7 @@ impl<'a> Arrays<'a> {
             && shape
                 .iter()
                 .zip(spec.shape)
-                .all(|(&got, &want)| match want.parse() {
+                .all(|(&got, &want)| match want.parse::<usize>() {
                     Ok(fixed) => got == fixed,
                     Err(_) => self.length_fits(want, got),
                 });

@@ -86,6 +86,12 @@ pub enum Error {
         /// What is wrong with it.
         reason: String,
     },
+    /// The operating system gave no threads.
+    #[error("no threads to render with: {reason}")]
+    Threads {
+        /// What the system said.
+        reason: String,
+    },
     /// The render was cancelled before it finished.
     #[error("cancelled")]
     Cancelled,

@@ -20,5 +20,14 @@ pub mod math;
 #[allow(unsafe_code)]
 pub mod kernel;
 pub mod scene;
+pub mod film;
 pub mod accel;
 pub mod sampling;
+pub mod record;
+pub mod progress;
+pub mod surface;
+pub mod path;
+pub mod reuse;
+pub mod render;
+#[cfg(feature = "python")]
+mod python;

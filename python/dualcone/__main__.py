@@ -1,14 +1,13 @@
-"""`python -m dualcone --version`: shows that the wheel works, without Blender."""
+"""`python -m dualcone --version`."""
 
 import argparse
 
-from . import __version__
+import dualcone
 
 
 def main() -> None:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(prog="dualcone", description="The renderer of DualCone.")
-    parser.add_argument("--version", action="version", version=f"dualcone {__version__}")
+    parser = argparse.ArgumentParser(prog="python -m dualcone", description=dualcone.__doc__)
+    parser.add_argument("--version", action="version", version=f"DualCone {dualcone.__version__}")
     parser.parse_args()
     parser.print_help()
 

@@ -24,6 +24,7 @@ mod shear;
 mod simd;
 mod slabs;
 mod triangles;
+mod vectorised;
 mod wide;
 
 #[cfg(test)]
@@ -31,3 +32,4 @@ mod tests;
 
 pub use instances::InstanceBvh;
 pub use triangles::{TriangleBvh, TriangleHit};
+pub use vectorised::{Vectorised, vectorised};

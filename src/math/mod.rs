@@ -3,12 +3,14 @@
 use glam::Vec3A;
 
 pub mod cone;
+mod filter;
 mod frame;
 mod ray;
 #[cfg(test)]
 pub(crate) mod statistics;
 pub mod warp;
 
+pub use filter::PixelFilter;
 pub use frame::Frame;
 pub use ray::{Ray, offset_origin};
 

@@ -39,9 +39,10 @@ impl Camera {
             value,
             range: range.into(),
         };
-        let scale = Vec2::new(clip_from_camera.x_axis.x, clip_from_camera.y_axis.y);
-        let perspective = clip_from_camera.z_axis.w == -1.0 && clip_from_camera.w_axis.w == 0.0;
-        if !perspective || !(scale.min_element() > 0.0) {
+        // Clip space is homogeneous: an orthographic projection leaves w as it is.
+        let w = -clip_from_camera.z_axis.w;
+        let scale = Vec2::new(clip_from_camera.x_axis.x, clip_from_camera.y_axis.y) / w;
+        if !(w > 0.0 && clip_from_camera.w_axis.w.abs() < 1e-3 * w && scale.min_element() > 0.0) {
             let value = "this matrix".to_owned();
             return Err(range("clip_from_camera", value, "perspective projections"));
         }
@@ -49,7 +50,7 @@ impl Camera {
             let value = format!("{} to {}", clip[0], clip[1]);
             return Err(range("camera_clip", value, "growing distances from 0"));
         }
-        let shift = Vec2::new(clip_from_camera.z_axis.x, clip_from_camera.z_axis.y);
+        let shift = Vec2::new(clip_from_camera.z_axis.x, clip_from_camera.z_axis.y) / w;
         Ok(Self {
             world_from_camera,
             camera_from_world: world_from_camera.inverse(),

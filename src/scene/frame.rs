@@ -101,7 +101,7 @@ impl SceneFrame {
 }
 
 /// The value at barycentric coordinates (of corners 1 and 2) between three corner values.
-pub(crate) fn interpolate<T>(corners: &[T; 3], barycentric: Vec2) -> T
+pub fn interpolate<T>(corners: &[T; 3], barycentric: Vec2) -> T
 where
     T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
 {

@@ -11,7 +11,7 @@ mod window;
 pub mod world;
 
 pub use camera::Camera;
-pub use frame::{Instance, SceneFrame};
+pub use frame::{Instance, SceneFrame, interpolate};
 pub use image::{Extension, Image, Interpolation};
 pub use light::{Light, LightKind};
 pub use material::{Closure, ClosureKind, Material};

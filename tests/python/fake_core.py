@@ -11,9 +11,8 @@ import time
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-
 import dualcone
+import numpy as np
 
 __version__ = dualcone.__version__
 contract = dualcone.contract

@@ -177,6 +177,11 @@ impl LightSampler {
         self.lights.is_empty()
     }
 
+    /// Whether a ray can run into a light other than the surroundings.
+    pub fn can_be_met(&self) -> bool {
+        self.lamps > 0 || !self.glowing.is_empty()
+    }
+
     /// A light and a direction to it from a point whose lit side `normal` is on.
     pub fn sample(
         &self,

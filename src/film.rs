@@ -1,0 +1,235 @@
+//! What a frame's pixels add up to, and the passes made from it.
+
+use glam::{Vec2, Vec3A};
+
+use crate::contract::{PASSES, Settings};
+use crate::error::{Error, Result};
+use crate::math::PixelFilter;
+
+/// Depth of a pixel that shows the background, as Blender writes it [m].
+const BACKGROUND_DEPTH: f32 = 1e10;
+
+/// The rectangle of a frame that is rendered, in pixels from the lower left corner.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Region {
+    /// Width of the whole frame.
+    pub frame_width: usize,
+    /// Height of the whole frame.
+    pub frame_height: usize,
+    /// Left edge of the rectangle.
+    pub x: usize,
+    /// Lower edge of the rectangle.
+    pub y: usize,
+    /// Width of the rectangle.
+    pub width: usize,
+    /// Height of the rectangle.
+    pub height: usize,
+}
+
+impl Region {
+    /// The same rectangle, known to be inside its frame and not empty.
+    ///
+    /// # Errors
+    /// An empty rectangle, or one that reaches beyond the frame.
+    pub fn checked(self) -> Result<Self> {
+        let inside =
+            self.x + self.width <= self.frame_width && self.y + self.height <= self.frame_height;
+        // Pixels are numbered in 32 bits.
+        let countable = self.frame_width.saturating_mul(self.frame_height) < u32::MAX as usize;
+        if inside && countable && self.width * self.height > 0 {
+            return Ok(self);
+        }
+        Err(Error::Range {
+            field: "region",
+            value: format!(
+                "{} x {} at ({}, {})",
+                self.width, self.height, self.x, self.y
+            ),
+            range: format!(
+                "rectangles of at least one pixel inside {} x {}",
+                self.frame_width, self.frame_height
+            ),
+        })
+    }
+
+    /// The number of a pixel of the rectangle in the whole frame: what its random numbers depend on.
+    pub fn pixel_index(&self, x: usize, y: usize) -> u32 {
+        ((self.y + y) * self.frame_width + self.x + x) as u32
+    }
+
+    /// A point of the film, as shares of the frame, in a pixel of the rectangle.
+    pub fn film(&self, x: usize, y: usize, offset: Vec2) -> Vec2 {
+        let pixel = Vec2::new((self.x + x) as f32, (self.y + y) as f32) + 0.5 + offset;
+        pixel / Vec2::new(self.frame_width as f32, self.frame_height as f32)
+    }
+
+    /// The pixel of the rectangle that a point of the film falls into; it may lie outside.
+    pub fn pixel_at(&self, film: Vec2) -> (i64, i64) {
+        let pixel = film * Vec2::new(self.frame_width as f32, self.frame_height as f32);
+        let (x, y) = (pixel.x.floor() as i64, pixel.y.floor() as i64);
+        (x - self.x as i64, y - self.y as i64)
+    }
+}
+
+/// Sums over the iterations of one pixel.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct PixelSums {
+    radiance: [f32; 3],
+    coverage: f32,
+    normal: [f32; 3],
+    albedo: [f32; 3],
+    /// Depth of the first iteration: depths do not average.
+    depth: f32,
+    effective_samples: f32,
+}
+
+/// What a camera ray saw, apart from the light that is still to be added.
+#[derive(Debug, Clone, Copy)]
+pub struct Sighting {
+    /// 1 where something is, 0 where the background is transparent.
+    pub coverage: f32,
+    /// Shading normal, world space; zero for the background.
+    pub normal: Vec3A,
+    /// Share of light that the surface reflects.
+    pub albedo: Vec3A,
+    /// Distance along the viewing axis [m]; `None` for the background.
+    pub depth: Option<f32>,
+}
+
+impl Sighting {
+    /// A transparent background.
+    pub const NOTHING: Self = Self {
+        coverage: 0.0,
+        normal: Vec3A::ZERO,
+        albedo: Vec3A::ZERO,
+        depth: None,
+    };
+
+    /// A background that shows.
+    pub const BACKGROUND: Self = Self {
+        coverage: 1.0,
+        ..Self::NOTHING
+    };
+}
+
+impl PixelSums {
+    /// Adds radiance that reaches the camera through this pixel.
+    pub fn add_radiance(&mut self, radiance: Vec3A) {
+        // One number that is not finite would spoil the pixel for good.
+        if radiance.is_finite() {
+            let sum = Vec3A::from(self.radiance) + radiance;
+            self.radiance = sum.into();
+        }
+    }
+
+    /// Adds what the camera ray of an iteration saw.
+    pub fn add_sighting(&mut self, iteration: u32, seen: &Sighting) {
+        self.coverage += seen.coverage;
+        self.normal = (Vec3A::from(self.normal) + seen.normal).into();
+        self.albedo = (Vec3A::from(self.albedo) + seen.albedo).into();
+        if iteration == 0 {
+            self.depth = seen.depth.unwrap_or(BACKGROUND_DEPTH);
+        }
+    }
+
+    /// Adds how many gather samples this iteration's estimate was worth.
+    pub fn add_effective_samples(&mut self, samples: f32) {
+        self.effective_samples += samples;
+    }
+}
+
+/// The sums of a frame's pixels.
+pub struct Film {
+    /// The rectangle.
+    pub region: Region,
+    pixels: Vec<PixelSums>,
+    samples: u32,
+}
+
+impl Film {
+    /// A film without samples.
+    pub fn new(region: Region) -> Self {
+        Self {
+            region,
+            pixels: vec![PixelSums::default(); region.width * region.height],
+            samples: 0,
+        }
+    }
+
+    /// The rows, from the lowest.
+    pub fn rows_mut(&mut self) -> std::slice::ChunksExactMut<'_, PixelSums> {
+        self.pixels.chunks_exact_mut(self.region.width)
+    }
+
+    /// All pixels, row by row from the lowest.
+    pub fn pixels_mut(&mut self) -> &mut [PixelSums] {
+        &mut self.pixels
+    }
+
+    /// Counts an iteration that is complete in every pixel.
+    pub fn count_iteration(&mut self) {
+        self.samples += 1;
+    }
+
+    /// Iterations so far.
+    pub fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    /// Mean of the effective sample numbers over all pixels.
+    pub fn mean_effective_samples(&self) -> f32 {
+        let sum: f64 = self
+            .pixels
+            .iter()
+            .map(|p| f64::from(p.effective_samples))
+            .sum();
+        (sum / self.pixels.len() as f64) as f32
+    }
+
+    /// The numbers of a pass of the contract, pixel by pixel from the lower left, channels together;
+    /// empty for a name that the contract does not have.
+    pub fn resolve(&self, pass: &str) -> Vec<f32> {
+        let mean = 1.0 / self.samples.max(1) as f32;
+        let each = |channels: fn(&PixelSums, f32) -> Vec3A| {
+            self.pixels
+                .iter()
+                .flat_map(|p| channels(p, mean).to_array())
+                .collect()
+        };
+        match pass {
+            "Combined" => self.combined(),
+            "Depth" => self.pixels.iter().map(|p| p.depth).collect(),
+            "Normal" => each(|p, mean| Vec3A::from(p.normal) * mean),
+            "Albedo" => each(|p, mean| Vec3A::from(p.albedo) * mean),
+            "Sample Count" => vec![self.samples as f32; self.pixels.len()],
+            "Effective Samples" => self.pixels.iter().map(|p| p.effective_samples).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// The picture so far, red, green, blue and alpha of each pixel from the lower left.
+    pub fn combined(&self) -> Vec<f32> {
+        let mean = 1.0 / self.samples.max(1) as f32;
+        let pixel = |p: &PixelSums| {
+            let [r, g, b] = p.radiance;
+            [r * mean, g * mean, b * mean, p.coverage * mean]
+        };
+        self.pixels.iter().flat_map(pixel).collect()
+    }
+
+    /// Bytes held.
+    pub fn memory_bytes(&self) -> usize {
+        self.pixels.len() * size_of::<PixelSums>()
+    }
+}
+
+/// Channels of a pass of the contract.
+pub fn channels(pass: &str) -> usize {
+    let spec = PASSES.iter().find(|spec| spec.name == pass);
+    spec.map_or(0, |spec| spec.channels.len())
+}
+
+/// The pixel filter that the settings ask for.
+pub fn pixel_filter(settings: &Settings) -> PixelFilter {
+    PixelFilter::new(settings.filter, settings.filter_width)
+}

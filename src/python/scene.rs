@@ -1,0 +1,126 @@
+//! Meshes, images and frames: handles that Python keeps while it exports.
+
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::arrays::Held;
+use crate::contract::{FRAME, IMAGE, MESH};
+use crate::scene::{self, Extension, Interpolation};
+
+/// A triangle mesh in object space; hand the same one to every frame that shows it unchanged.
+#[pyclass(frozen)]
+pub struct Mesh(pub Arc<scene::Mesh>);
+
+#[pymethods]
+impl Mesh {
+    #[new]
+    fn new(
+        vertices: Bound<'_, PyAny>,
+        triangles: Bound<'_, PyAny>,
+        corner_normals: Bound<'_, PyAny>,
+        corner_uvs: Bound<'_, PyAny>,
+        material_slots: Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let arrays = [
+            vertices,
+            triangles,
+            corner_normals,
+            corner_uvs,
+            material_slots,
+        ];
+        let held = Held::of_list(MESH, &arrays)?;
+        Ok(Self(Arc::new(scene::Mesh::new(held.given()?)?)))
+    }
+
+    /// Number of vertices.
+    #[getter]
+    fn vertex_count(&self) -> usize {
+        self.0.vertices.len()
+    }
+
+    /// Number of triangles.
+    #[getter]
+    fn triangle_count(&self) -> usize {
+        self.0.triangles.len()
+    }
+
+    /// A copy of the positions (V, 3) [m], object space.
+    #[getter]
+    fn vertices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let numbers = self.0.vertices.iter().flat_map(|v| v.to_array());
+        PyArray1::from_iter(py, numbers).reshape([self.0.vertices.len(), 3])
+    }
+}
+
+/// An image; texels that are not finite become black.
+#[pyclass(frozen)]
+pub struct Image(pub Arc<scene::Image>);
+
+#[pymethods]
+impl Image {
+    #[new]
+    #[pyo3(signature = (pixels, extension = "REPEAT", interpolation = "Linear"))]
+    fn new(pixels: Bound<'_, PyAny>, extension: &str, interpolation: &str) -> PyResult<Self> {
+        let extension = match extension {
+            "REPEAT" => Extension::Repeat,
+            "EXTEND" => Extension::Extend,
+            "CLIP" => Extension::Clip,
+            other => return Err(unknown("extension", other, "REPEAT, EXTEND, CLIP")),
+        };
+        let interpolation = match interpolation {
+            "Linear" => Interpolation::Linear,
+            "Closest" => Interpolation::Closest,
+            other => return Err(unknown("interpolation", other, "Linear, Closest")),
+        };
+        let held = Held::of_list(IMAGE, &[pixels])?;
+        let image = scene::Image::new(held.given()?, extension, interpolation)?;
+        Ok(Self(Arc::new(image)))
+    }
+
+    /// Texels that were not finite.
+    #[getter]
+    fn replaced_texels(&self) -> usize {
+        self.0.replaced_texels()
+    }
+}
+
+fn unknown(field: &str, value: &str, words: &str) -> PyErr {
+    PyValueError::new_err(format!("{field}: {value} is not one of {words}"))
+}
+
+/// Everything one frame shows.
+#[pyclass(frozen)]
+pub struct SceneFrame(pub Arc<scene::SceneFrame>);
+
+#[pymethods]
+impl SceneFrame {
+    #[new]
+    fn new(
+        frame: i32,
+        meshes: Vec<PyRef<'_, Mesh>>,
+        images: Vec<PyRef<'_, Image>>,
+        arrays: &Bound<'_, PyDict>,
+    ) -> PyResult<Self> {
+        let held = Held::of_dict(FRAME, arrays)?;
+        let meshes = meshes.iter().map(|mesh| mesh.0.clone()).collect();
+        let images = images.iter().map(|image| image.0.clone()).collect();
+        let frame = scene::SceneFrame::new(frame, meshes, images, held.given()?)?;
+        Ok(Self(Arc::new(frame)))
+    }
+
+    /// The frame's number.
+    #[getter]
+    fn frame(&self) -> i32 {
+        self.0.frame
+    }
+
+    /// Bytes held by its meshes and images.
+    #[getter]
+    fn memory_bytes(&self) -> usize {
+        self.0.memory_bytes()
+    }
+}

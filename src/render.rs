@@ -1,0 +1,311 @@
+//! Frames in, films out: prepares each frame of a window, runs the iterations, makes the passes.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::Vec3A;
+
+use crate::accel::Accel;
+use crate::contract::{PASSES, Settings};
+use crate::error::{Error, Result};
+use crate::film::{Film, Region, pixel_filter};
+use crate::path::Tracer;
+use crate::progress::{Phase, Progress};
+use crate::reuse::{
+    Estimator, LightTree, View, WithEstimator, lenders, window_frames, with_estimator,
+};
+use crate::sampling::LightSampler;
+use crate::scene::{FrameWindow, Material, SceneFrame};
+
+/// Stack of a tracing thread: paths recurse once per bounce, and the limit may be set to 1024.
+const STACK_BYTES: usize = 16 << 20;
+
+/// A render to do.
+pub struct Job {
+    /// Frames of the scene, in ascending order: at least those of [`window_frames`].
+    pub frames: Vec<Arc<SceneFrame>>,
+    /// Frames to render.
+    pub targets: Vec<i32>,
+    /// Distance between rendered frames.
+    pub step: i32,
+    /// Rectangle to render.
+    pub region: Region,
+    /// Settings.
+    pub settings: Settings,
+    /// Threads; 0 means as many as the machine has.
+    pub threads: usize,
+}
+
+/// One rendered frame.
+pub struct Rendered {
+    /// The frame's number.
+    pub frame: i32,
+    /// Every pass of the contract, by name.
+    pub passes: Vec<(&'static str, Vec<f32>)>,
+    /// What it took.
+    pub report: Report,
+}
+
+/// What a frame took: its share of what was spent on all frames of the job.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Report {
+    /// Building trees and tables [s].
+    pub build_seconds: f64,
+    /// Tracing samples [s].
+    pub pass_1_seconds: f64,
+    /// Sharing them [s].
+    pub pass_2_seconds: f64,
+    /// Making passes [s].
+    pub resolve_seconds: f64,
+    /// Rays.
+    pub rays: u64,
+    /// Samples per pixel.
+    pub samples: u32,
+    /// Mean over the pixels of gather samples that each is worth, borrowed ones included.
+    pub effective_samples: f32,
+    /// Bytes held for the frame's pixels, records included.
+    pub pixel_memory_bytes: usize,
+}
+
+/// Renders `job`.
+///
+/// # Errors
+/// A frame that is missing, an empty region, or [`Error::Cancelled`].
+pub fn render(job: &Job, progress: &Progress) -> Result<Vec<Rendered>> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(job.threads)
+        .stack_size(STACK_BYTES)
+        .build();
+    let pool = pool.map_err(|error| Error::Threads {
+        reason: error.to_string(),
+    })?;
+    let rendered = pool.install(|| prepare_and_run(job, progress));
+    progress.enter(Phase::Done);
+    rendered
+}
+
+/// What tracing needs beside a frame itself.
+struct Prepared {
+    accel: Accel,
+    lights: LightSampler,
+    light_tree: LightTree,
+    see_through: bool,
+    scene_size: f32,
+}
+
+impl Prepared {
+    /// What is costly to make and unchanged is taken over from the frame before.
+    fn new(frame: &SceneFrame, previous: Option<&Self>) -> Self {
+        let accel = Accel::build(frame);
+        let (lower, upper) = accel.bounds().unwrap_or((Vec3A::ZERO, Vec3A::ONE));
+        Self {
+            lights: LightSampler::build(frame, previous.map(|p| &p.lights)),
+            light_tree: LightTree::build(&frame.world),
+            see_through: frame.materials.iter().any(Material::is_see_through),
+            scene_size: (upper - lower).length(),
+            accel,
+        }
+    }
+}
+
+fn prepare_and_run(job: &Job, progress: &Progress) -> Result<Vec<Rendered>> {
+    let start = Instant::now();
+    let region = job.region.checked()?;
+    let numbers = window_frames(&job.settings, &job.targets, job.step);
+    let needed = |frame: &&Arc<SceneFrame>| numbers.contains(&frame.frame);
+    let window = FrameWindow::new(job.frames.iter().filter(needed).cloned().collect())?;
+    for &frame in &numbers {
+        if window.position(frame).is_none() {
+            let reason = "the frames around it need its scene".into();
+            return Err(Error::Frame { frame, reason });
+        }
+    }
+    progress.enter(Phase::Build);
+    let mut prepared: Vec<Prepared> = Vec::new();
+    for frame in window.frames() {
+        if progress.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
+        prepared.push(Prepared::new(frame, prepared.last()));
+    }
+    let filter = pixel_filter(&job.settings);
+    let views: Vec<View> = prepared
+        .iter()
+        .enumerate()
+        .map(|(index, prepared)| View {
+            tracer: Tracer {
+                frame: &window.frames()[index],
+                accel: &prepared.accel,
+                lights: &prepared.lights,
+                settings: &job.settings,
+                see_through: prepared.see_through,
+            },
+            index,
+            window: &window,
+            region,
+            filter: &filter,
+            light_tree: &prepared.light_tree,
+            scene_size: prepared.scene_size,
+            progress,
+        })
+        .collect();
+    let build_seconds = start.elapsed().as_secs_f64();
+    let iterations = Iterations {
+        job,
+        views: &views,
+        progress,
+        build_seconds,
+    };
+    with_estimator(&job.settings, iterations)
+}
+
+/// The iterations of a job, with whichever estimator it names.
+struct Iterations<'a> {
+    job: &'a Job,
+    views: &'a [View<'a>],
+    progress: &'a Progress,
+    build_seconds: f64,
+}
+
+/// A frame that is rendered: its place in the window, those of its lenders, its film.
+struct Target {
+    index: usize,
+    lenders: Vec<usize>,
+    film: Film,
+}
+
+impl WithEstimator for Iterations<'_> {
+    type Output = Result<Vec<Rendered>>;
+
+    fn run<E: Estimator>(self, estimator: &E) -> Self::Output {
+        let region = self.views[0].region;
+        let mut memories: Vec<E::Memory> = self
+            .views
+            .iter()
+            .map(|_| estimator.memory(region))
+            .collect();
+        let mut targets = self.targets()?;
+        let records: usize = memories.iter().map(|m| estimator.memory_bytes(m)).sum();
+        let films: usize = targets.iter().map(|t| t.film.memory_bytes()).sum();
+        let scenes: usize = self
+            .views
+            .iter()
+            .map(|v| v.tracer.frame.memory_bytes())
+            .sum();
+        self.progress.set_memory_bytes(records + films + scenes);
+        self.progress.expect_iterations(self.job.settings.samples);
+        self.progress.enter(Phase::Sample);
+        let start = Instant::now();
+        let (mut pass_1, mut pass_2) = (Duration::ZERO, Duration::ZERO);
+        for iteration in 0..self.job.settings.samples {
+            let sampling = Instant::now();
+            self.sample(estimator, iteration, &mut memories, &mut targets)?;
+            let sharing = Instant::now();
+            pass_1 += sharing - sampling;
+            for target in &mut targets {
+                let Target {
+                    index,
+                    lenders,
+                    film,
+                } = target;
+                estimator.share(self.views, &memories, *index, lenders, iteration, film)?;
+                film.count_iteration();
+            }
+            pass_2 += sharing.elapsed();
+            self.progress.count_iteration();
+            self.answer_preview(&targets);
+            if self.is_out_of_time(start) {
+                break;
+            }
+        }
+        let share = 1.0 / targets.len() as f64;
+        let report = Report {
+            build_seconds: self.build_seconds * share,
+            pass_1_seconds: pass_1.as_secs_f64() * share,
+            pass_2_seconds: pass_2.as_secs_f64() * share,
+            rays: self.progress.rays() / targets.len() as u64,
+            pixel_memory_bytes: (records + films) / self.views.len(),
+            ..Report::default()
+        };
+        self.progress.enter(Phase::Resolve);
+        Ok(targets
+            .iter()
+            .map(|target| self.rendered(target, report))
+            .collect())
+    }
+}
+
+impl Iterations<'_> {
+    fn targets(&self) -> Result<Vec<Target>> {
+        let window = self.views[0].window;
+        let mut frames = self.job.targets.clone();
+        frames.sort_unstable();
+        frames.dedup();
+        if frames.is_empty() {
+            return Err(Error::Missing { field: "targets" });
+        }
+        let target = |&frame: &i32| {
+            let positions = lenders(&self.job.settings, frame, self.job.step);
+            Target {
+                index: window.position(frame).unwrap_or_default(),
+                lenders: positions
+                    .iter()
+                    .filter_map(|&f| window.position(f))
+                    .collect(),
+                film: Film::new(self.views[0].region),
+            }
+        };
+        Ok(frames.iter().map(target).collect())
+    }
+
+    /// The first pass over every frame of the window.
+    fn sample<E: Estimator>(
+        &self,
+        estimator: &E,
+        iteration: u32,
+        memories: &mut [E::Memory],
+        targets: &mut [Target],
+    ) -> Result<()> {
+        let mut films: Vec<Option<&mut Film>> = self.views.iter().map(|_| None).collect();
+        for target in targets {
+            films[target.index] = Some(&mut target.film);
+        }
+        let frames = self.views.iter().zip(memories).zip(films);
+        for ((view, memory), film) in frames {
+            estimator.sample(view, iteration, memory, film)?;
+        }
+        Ok(())
+    }
+
+    fn is_out_of_time(&self, start: Instant) -> bool {
+        let limit = self.job.settings.time_limit * self.job.targets.len() as f32;
+        limit > 0.0 && start.elapsed().as_secs_f32() > limit
+    }
+
+    fn answer_preview(&self, targets: &[Target]) {
+        if let Some(frame) = self.progress.wanted_preview() {
+            let shows = |t: &&Target| self.views[t.index].tracer.frame.frame == frame;
+            if let Some(target) = targets.iter().find(shows) {
+                self.progress.show_preview(frame, target.film.combined());
+            }
+        }
+    }
+
+    fn rendered(&self, target: &Target, report: Report) -> Rendered {
+        let start = Instant::now();
+        let passes = PASSES
+            .iter()
+            .map(|pass| (pass.name, target.film.resolve(pass.name)));
+        let passes = passes.collect();
+        Rendered {
+            frame: self.views[target.index].tracer.frame.frame,
+            passes,
+            report: Report {
+                resolve_seconds: start.elapsed().as_secs_f64(),
+                samples: target.film.samples(),
+                effective_samples: target.film.mean_effective_samples(),
+                ..report
+            },
+        }
+    }
+}

@@ -1,0 +1,354 @@
+//! Method DUAL_CONE: multiple importance sampling over the records of a block of pixels and frames,
+//! with the dual cone's overlap as confidence.
+//!
+//! Light that gather rays find falls into classes, and a class fixes the cone of Eq. 3, so that the
+//! weight of every neighbour is known for every class, whatever direction the neighbour happened to
+//! sample. With w_jk the weight of neighbour j for class k, a pixel's irradiance is
+//!
+//! ```text
+//! E_i = sum_k [ sum_{j of class k} w_jk v_j cos_i ] / [ sum_{all j} w_jk ]
+//! ```
+//!
+//! where v_j = L_j / (pi p_j) is the record's radiance over its density. The denominator runs over
+//! all valid neighbours: one that found light of another class says that this class was dark in
+//! its direction. Lamps, suns and glossy reflection stay the pixel's own.
+//!
+//! Departures from the paper, each for a measured reason (docs/method.md): a sum of weights per class
+//! in place of one sum; a distance R that does not depend on the sample's own outcome; the
+//! reflectance and cosine of the receiver in place of the lender's; blocks that follow the camera's
+//! and the objects' motion; a smooth kernel in place of the overlap's arc cosine.
+
+mod borrow;
+mod records;
+
+use glam::Vec3A;
+use rayon::prelude::*;
+
+use self::borrow::{Borrow, BorrowRow, Receiver};
+use self::records::{Class, Record};
+use super::{Estimator, Shot, View};
+use crate::contract::Settings;
+use crate::error::Result;
+use crate::film::{Film, PixelSums, Region};
+use crate::kernel;
+use crate::path::{Bounces, Continuation, Gathered, take_rays};
+use crate::record::{RecordBuffer, RowMut};
+use crate::sampling::{LobePdfs, Part};
+use crate::scene::Motion;
+use crate::surface::Surface;
+
+/// Iterations whose hit distances make up R; after them it is frozen, so that later estimates do not
+/// depend on their own samples.
+const REACH_ITERATIONS: u32 = 4;
+/// Half the side of the block of pixels over which R is pooled.
+const REACH_HALF: usize = 2;
+
+/// Method DUAL_CONE.
+pub struct DualCone {
+    half_block: usize,
+}
+
+/// What a frame keeps between passes.
+pub struct Memory {
+    records: RecordBuffer,
+    receivers: Vec<Receiver>,
+    reach: Vec<Reach>,
+    /// R of each pixel [m].
+    distances: Vec<f32>,
+}
+
+/// Sums towards the harmonic mean of a pixel's hit distances.
+#[derive(Clone, Copy, Default)]
+struct Reach {
+    inverse_sum: f32,
+    count: f32,
+}
+
+impl DualCone {
+    /// The method with the settings' block.
+    pub fn new(settings: &Settings) -> Self {
+        Self {
+            half_block: settings.block as usize / 2,
+        }
+    }
+}
+
+impl Estimator for DualCone {
+    type Memory = Memory;
+
+    fn memory(&self, region: Region) -> Memory {
+        let pixels = region.width * region.height;
+        Memory {
+            records: RecordBuffer::new(Record::COLUMNS, region.width, region.height),
+            receivers: vec![Receiver::default(); pixels],
+            reach: vec![Reach::default(); pixels],
+            distances: vec![0.0; pixels],
+        }
+    }
+
+    fn memory_bytes(&self, memory: &Memory) -> usize {
+        memory.records.memory_bytes()
+            + size_of_val(&memory.receivers[..])
+            + size_of_val(&memory.reach[..])
+            + size_of_val(&memory.distances[..])
+    }
+
+    fn sample(
+        &self,
+        view: &View,
+        iteration: u32,
+        memory: &mut Memory,
+        film: Option<&mut Film>,
+    ) -> Result<()> {
+        let width = view.region.width;
+        let row_length = memory.records.row_length();
+        let mut film_rows: Vec<Option<&mut [PixelSums]>> = match film {
+            Some(film) => film.rows_mut().map(Some).collect(),
+            None => (0..view.region.height).map(|_| None).collect(),
+        };
+        let records = memory.records.data_mut().par_chunks_mut(row_length);
+        let receivers = memory.receivers.par_chunks_mut(width);
+        let reach = memory.reach.par_chunks_mut(width);
+        let rows = film_rows
+            .par_iter_mut()
+            .zip(records)
+            .zip(receivers)
+            .zip(reach);
+        rows.enumerate()
+            .try_for_each(|(y, (((film, records), receivers), reach))| {
+                view.check_cancelled()?;
+                let mut records = RowMut::new(records, width);
+                for x in 0..width {
+                    let mut pixel = film.as_deref_mut().map(|row| &mut row[x]);
+                    let sample = sample_pixel(view, x, y, iteration, &mut pixel);
+                    sample.record.write(&mut records, x);
+                    receivers[x] = sample.receiver;
+                    if iteration < REACH_ITERATIONS
+                        && let Some(distance) = sample.distance
+                    {
+                        reach[x].inverse_sum += 1.0 / distance.max(f32::MIN_POSITIVE);
+                        reach[x].count += 1.0;
+                    }
+                }
+                view.progress.count_rays(take_rays());
+                Ok(())
+            })?;
+        if iteration < REACH_ITERATIONS {
+            pool_distances(view, memory);
+        }
+        Ok(())
+    }
+
+    fn share(
+        &self,
+        views: &[View],
+        memories: &[Memory],
+        target: usize,
+        lenders: &[usize],
+        iteration: u32,
+        film: &mut Film,
+    ) -> Result<()> {
+        let view = &views[target];
+        let motions: Vec<Vec<Motion>> = lenders
+            .iter()
+            .map(|&lender| view.window.motions(target, lender))
+            .collect();
+        let borrow = Borrow {
+            views,
+            memories,
+            target,
+            lenders,
+            motions: &motions,
+            half_block: self.half_block,
+            iteration,
+        };
+        let rows = film.pixels_mut().par_chunks_mut(view.region.width);
+        rows.enumerate().try_for_each(|(y, pixels)| {
+            view.check_cancelled()?;
+            kernel::vectorised(BorrowRow {
+                borrow: &borrow,
+                y,
+                pixels,
+            });
+            Ok(())
+        })
+    }
+}
+
+/// What a pixel's sample of an iteration leaves.
+#[derive(Default)]
+struct PixelSample {
+    record: Record,
+    receiver: Receiver,
+    /// Length of the gather ray [m], where there was one.
+    distance: Option<f32>,
+}
+
+/// Traces one sample; what is the pixel's own goes to `pixel`, what others may borrow is returned.
+fn sample_pixel(
+    view: &View,
+    x: usize,
+    y: usize,
+    iteration: u32,
+    pixel: &mut Option<&mut PixelSums>,
+) -> PixelSample {
+    let shot = view.shoot(x, y, iteration);
+    if let Some(pixel) = pixel {
+        pixel.add_sighting(iteration, &shot.seen);
+        pixel.add_radiance(shot.radiance);
+    }
+    let Some(surface) = &shot.surface else {
+        if let Some(pixel) = pixel {
+            pixel.add_effective_samples(1.0);
+        }
+        return PixelSample::default();
+    };
+    let probability_diffuse = surface.bsdf.probability_diffuse();
+    if let Some(pixel) = pixel {
+        let direct = view
+            .tracer
+            .direct(surface, 0, &shot.sampler, |_, pdfs| LobePdfs {
+                diffuse: probability_diffuse * pdfs.diffuse,
+                glossy: (1.0 - probability_diffuse) * pdfs.glossy,
+            });
+        pixel.add_radiance(direct.sum());
+    }
+    let object = view.window.object(view.index, surface.hit.instance);
+    let mut sample = PixelSample {
+        record: Record::at(surface, object),
+        receiver: Receiver::at(surface),
+        distance: None,
+    };
+    if shot.sampler.scatter(0).lobe < probability_diffuse {
+        gather_diffuse(view, &shot, surface, iteration, pixel, &mut sample);
+    } else if let Some(pixel) = pixel {
+        pixel.add_radiance(gather_glossy(view, &shot, surface));
+    }
+    sample
+}
+
+/// One gather ray off the diffuse part. Its cosine-weighted radiance is for lending, except light of
+/// lamps and suns: light sampling finds it better, and borrowed it would smear their shadows.
+fn gather_diffuse(
+    view: &View,
+    shot: &Shot,
+    surface: &Surface,
+    iteration: u32,
+    pixel: &mut Option<&mut PixelSums>,
+    sample: &mut PixelSample,
+) {
+    let Some(direction) = surface
+        .bsdf
+        .sample_diffuse(shot.sampler.scatter(0).direction)
+    else {
+        return;
+    };
+    let (value, pdfs) = surface.bsdf.eval(direction);
+    let pdf_solid_angle = surface.bsdf.probability_diffuse() * pdfs.diffuse;
+    if !(pdf_solid_angle > 0.0) {
+        return;
+    }
+    let gathered = gather(
+        view,
+        shot,
+        surface,
+        Part::Diffuse,
+        direction,
+        pdf_solid_angle,
+        iteration,
+    );
+    sample.distance = Some(gathered.distance);
+    let class = Class::of(&gathered, || view.light_tree.leaf(direction).tan_beta);
+    let (lent, own) = match class {
+        Class::Own => (Vec3A::ZERO, gathered.sum()),
+        Class::Indirect => (gathered.indirect, gathered.lamps),
+        Class::Narrow | Class::Wide => (gathered.environment, gathered.lamps),
+    };
+    if let Some(pixel) = pixel {
+        pixel.add_radiance(own * value.diffuse / pdf_solid_angle);
+    }
+    sample.record.lend(
+        direction,
+        lent / (std::f32::consts::PI * pdf_solid_angle),
+        surface,
+        class,
+    );
+}
+
+fn gather_glossy(view: &View, shot: &Shot, surface: &Surface) -> Vec3A {
+    let numbers = shot.sampler.scatter(0);
+    let probability_glossy = 1.0 - surface.bsdf.probability_diffuse();
+    // The lobe's number was used to choose the part; what is left of it is uniform again.
+    let u_lobe = (numbers.lobe - (1.0 - probability_glossy)) / probability_glossy;
+    let Some(direction) = surface
+        .bsdf
+        .sample_glossy(u_lobe.clamp(0.0, 1.0), numbers.direction)
+    else {
+        return Vec3A::ZERO;
+    };
+    let (value, pdfs) = surface.bsdf.eval(direction);
+    let pdf_solid_angle = probability_glossy * pdfs.glossy;
+    if !(pdf_solid_angle > 0.0) {
+        return Vec3A::ZERO;
+    }
+    let gathered = gather(
+        view,
+        shot,
+        surface,
+        Part::Glossy,
+        direction,
+        pdf_solid_angle,
+        u32::MAX,
+    );
+    gathered.sum() * value.glossy / pdf_solid_angle
+}
+
+fn gather(
+    view: &View,
+    shot: &Shot,
+    surface: &Surface,
+    part: Part,
+    direction: Vec3A,
+    pdf_solid_angle: f32,
+    iteration: u32,
+) -> Gathered {
+    let from = Continuation {
+        ray: surface.ray_towards(direction),
+        pdf_solid_angle,
+        position: surface.position,
+        normal: surface.normal,
+        bounces: Bounces::default().after(part),
+        throughput: 1.0,
+        wants_distance: iteration < REACH_ITERATIONS,
+    };
+    view.tracer.gather(&from, &shot.sampler)
+}
+
+/// R of every pixel: the harmonic mean of the hit distances around it, which follows the nearest
+/// occluders, capped by the size of the scene.
+fn pool_distances(view: &View, memory: &mut Memory) {
+    let (width, height) = (view.region.width, view.region.height);
+    let reach = &memory.reach;
+    let inverse_size = 1.0 / view.scene_size;
+    memory
+        .distances
+        .par_chunks_mut(width)
+        .enumerate()
+        .for_each(|(y, row)| {
+            for (x, distance) in row.iter_mut().enumerate() {
+                let mut sum = Reach::default();
+                for y in y.saturating_sub(REACH_HALF)..(y + REACH_HALF + 1).min(height) {
+                    for x in x.saturating_sub(REACH_HALF)..(x + REACH_HALF + 1).min(width) {
+                        sum.inverse_sum += reach[y * width + x].inverse_sum;
+                        sum.count += reach[y * width + x].count;
+                    }
+                }
+                let inverse = if sum.count > 0.0 {
+                    sum.inverse_sum / sum.count
+                } else {
+                    0.0
+                };
+                *distance = 1.0 / (inverse + inverse_size);
+            }
+        });
+}

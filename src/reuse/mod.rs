@@ -1,0 +1,206 @@
+//! The estimators: ways to turn camera rays and shared samples into pixels.
+//!
+//! Each is one file and one line in [`with_estimator`]. An iteration has two passes. In the first,
+//! every frame of the window traces one sample per pixel and leaves records; in the second, every
+//! target frame gathers from the records of its lenders.
+
+mod dual_cone;
+mod light_tree;
+mod plain;
+
+pub use light_tree::LightTree;
+
+use glam::{Vec2, Vec3A};
+
+use crate::contract::{Method, Settings};
+use crate::error::{Error, Result};
+use crate::film::{Film, Region, Sighting};
+use crate::math::{PixelFilter, Ray};
+use crate::path::Tracer;
+use crate::progress::Progress;
+use crate::sampling::Sampler;
+use crate::scene::FrameWindow;
+use crate::surface::Surface;
+
+/// One frame, ready to trace.
+pub struct View<'a> {
+    /// Traces paths in the frame.
+    pub tracer: Tracer<'a>,
+    /// Position of the frame in the window.
+    pub index: usize,
+    /// The window.
+    pub window: &'a FrameWindow,
+    /// The rectangle that is rendered.
+    pub region: Region,
+    /// Where camera rays go within a pixel.
+    pub filter: &'a PixelFilter,
+    /// How the frame's surroundings divide into areas of light.
+    pub light_tree: &'a LightTree,
+    /// Diameter of the scene [m].
+    pub scene_size: f32,
+    /// Counts rays and carries the wish to stop.
+    pub progress: &'a Progress,
+}
+
+/// One camera ray and what it met.
+pub struct Shot {
+    /// The numbers of this iteration of this pixel.
+    pub sampler: Sampler,
+    /// The surface, if the ray met one.
+    pub surface: Option<Surface>,
+    /// What goes into the passes.
+    pub seen: Sighting,
+    /// Radiance that the camera sees directly: of the background, of lamps, of a glowing surface.
+    pub radiance: Vec3A,
+}
+
+impl View<'_> {
+    /// # Errors
+    /// [`Error::Cancelled`] once the user wants to stop.
+    pub fn check_cancelled(&self) -> Result<()> {
+        if self.progress.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
+        Ok(())
+    }
+
+    /// Traces the camera ray of an iteration through pixel (`x`, `y`) of the region.
+    pub fn shoot(&self, x: usize, y: usize, iteration: u32) -> Shot {
+        let tracer = &self.tracer;
+        let pixel_index = self.region.pixel_index(x, y);
+        let sampler = Sampler::new(
+            tracer.settings.seed,
+            tracer.frame.frame,
+            pixel_index,
+            iteration,
+        );
+        let offset = Vec2::from_array(sampler.camera().pixel.map(|u| self.filter.sample(u)));
+        let ray = tracer.frame.camera.ray(self.region.film(x, y, offset));
+        let surface = tracer.arrive(&ray, 0, &sampler);
+        let distance = surface.as_ref().map_or(ray.t_max, |s| s.distance);
+        // Lamps hide nothing: they shine through each other and in front of what is behind.
+        let seen_ray = Ray {
+            t_max: distance,
+            ..ray
+        };
+        let lamps = tracer.lights.lamps_along(&seen_ray, -ray.direction, true);
+        let lamps: Vec3A = lamps.map(|lamp| lamp.radiance).sum();
+        let hidden_background = tracer.settings.film_transparent;
+        let (seen, radiance) = match &surface {
+            Some(surface) => (self.sighting(surface), surface.emission),
+            None if hidden_background => (Sighting::NOTHING, Vec3A::ZERO),
+            None => {
+                let radiance = tracer.lights.environment_radiance(ray.direction);
+                (Sighting::BACKGROUND, radiance)
+            }
+        };
+        Shot {
+            sampler,
+            surface,
+            seen,
+            radiance: radiance + lamps,
+        }
+    }
+
+    fn sighting(&self, surface: &Surface) -> Sighting {
+        Sighting {
+            coverage: 1.0,
+            normal: surface.normal,
+            albedo: surface.bsdf.albedo(),
+            depth: Some(self.tracer.frame.camera.depth(surface.position)),
+        }
+    }
+}
+
+/// A way to render.
+///
+/// What an estimator adds to a film may depend on the frame and its lenders, on the pixel and the
+/// iteration, and on nothing else: not on the other frames of the window, not on the order of work.
+pub trait Estimator: Sync {
+    /// What a frame keeps from one pass to the next.
+    type Memory: Send + Sync;
+
+    /// Fresh memory for a frame.
+    fn memory(&self, region: Region) -> Self::Memory;
+
+    /// Bytes that memory takes.
+    fn memory_bytes(&self, memory: &Self::Memory) -> usize;
+
+    /// First pass of an iteration over one frame. Only targets have a film.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    fn sample(
+        &self,
+        view: &View,
+        iteration: u32,
+        memory: &mut Self::Memory,
+        film: Option<&mut Film>,
+    ) -> Result<()>;
+
+    /// Second pass: what frame `target` borrows from its `lenders`, positions in the window that
+    /// include its own.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`].
+    fn share(
+        &self,
+        views: &[View],
+        memories: &[Self::Memory],
+        target: usize,
+        lenders: &[usize],
+        iteration: u32,
+        film: &mut Film,
+    ) -> Result<()>;
+}
+
+/// Frames whose samples a frame borrows, itself included, in ascending order; `step` is the
+/// distance between rendered frames. They follow from the frame alone, whatever range is rendered,
+/// so that no split of a range changes a bit.
+pub fn lenders(settings: &Settings, frame: i32, step: i32) -> Vec<i32> {
+    let (window, step) = (settings.window as i32, step.max(1));
+    match settings.method {
+        Method::Path => vec![frame],
+        Method::DualCone => {
+            // Centred; an even window looks one frame further back.
+            let first = frame - (window / 2) * step;
+            (0..window).map(|i| first + i * step).collect()
+        }
+        Method::Paper => {
+            // Disjoint blocks, counted from frame 1, where Blender's scenes begin.
+            let place = (frame - 1).div_euclid(step);
+            let phase = (frame - 1).rem_euclid(step);
+            let first = place.div_euclid(window) * window;
+            let blocks = first..first + window;
+            blocks.map(|i| 1 + phase + i * step).collect()
+        }
+    }
+}
+
+/// Every frame that must be known to render `targets`, in ascending order.
+pub fn window_frames(settings: &Settings, targets: &[i32], step: i32) -> Vec<i32> {
+    let mut frames: Vec<i32> = targets
+        .iter()
+        .flat_map(|&t| lenders(settings, t, step))
+        .collect();
+    frames.sort_unstable();
+    frames.dedup();
+    frames
+}
+
+/// Work that is done with whichever estimator the settings name.
+pub trait WithEstimator {
+    /// What the work yields.
+    type Output;
+    /// Does the work.
+    fn run<E: Estimator>(self, estimator: &E) -> Self::Output;
+}
+
+/// Runs `work` with the estimator of the settings. A new estimator is a line here.
+pub fn with_estimator<W: WithEstimator>(settings: &Settings, work: W) -> W::Output {
+    match settings.method {
+        Method::Path => work.run(&plain::Plain),
+        Method::DualCone => work.run(&dual_cone::DualCone::new(settings)),
+        Method::Paper => work.run(&plain::Plain),
+    }
+}
