@@ -221,13 +221,15 @@ class Display:
         self._order = order
         self._canvas = canvas
         self._memory_peak = 0.0
+        self._words = session.Pace(session.LOG_SECONDS if bpy.app.background else 0.0)
         self._picture = session.Pace(session.PREVIEW_SECONDS)
 
     def show(self, job: session.RunningRender) -> None:
         """Tell the user how far a running render is."""
         progress = job.progress()
         self._engine.update_progress(progress["fraction"])
-        self._engine.update_stats("", session.status_line(progress, self._order.targets))
+        if self._words.due():
+            self._engine.update_stats("", session.status_line(progress, self._order.targets))
         used = progress["memory_bytes"] / 2**20
         self._memory_peak = max(self._memory_peak, used)
         self._engine.update_memory_stats(memory_used=used, memory_peak=self._memory_peak)

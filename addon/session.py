@@ -23,6 +23,8 @@ import numpy as np
 POLL_SECONDS = 0.05
 # More often, copying pictures to the screen would cost noticeable time.
 PREVIEW_SECONDS = 0.5
+# Without windows Blender writes every status line to its log.
+LOG_SECONDS = 2.0
 # Film, records and finished passes beside the scene: the most that the renderer may take.
 BYTES_PER_PIXEL_AND_FRAME = 100
 # Share of the machine's memory for frames rendered together; the scene needs the rest.
