@@ -229,7 +229,8 @@ class Display:
         progress = job.progress()
         self._engine.update_progress(progress["fraction"])
         if self._words.due():
-            self._engine.update_stats("", session.status_line(progress, self._order.targets))
+            line = session.status_line(self._order.frame, self._order.targets, progress)
+            self._engine.update_stats("", line)
         used = progress["memory_bytes"] / 2**20
         self._memory_peak = max(self._memory_peak, used)
         self._engine.update_memory_stats(memory_used=used, memory_peak=self._memory_peak)

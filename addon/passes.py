@@ -20,6 +20,7 @@ class Pass(NamedTuple):
     name: str
     channels: str
     kind: str
+    doc: str
 
 
 def switch_name(name: str) -> str:
@@ -30,7 +31,7 @@ def switch_name(name: str) -> str:
 def all_passes() -> Iterator[Pass]:
     """List every pass the renderer can make."""
     for spec in core.contract()["passes"]:
-        yield Pass(spec["name"], spec["channels"], spec["type"])
+        yield Pass(spec["name"], spec["channels"], spec["type"], spec["doc"])
 
 
 def own_passes() -> Iterator[Pass]:

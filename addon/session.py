@@ -315,9 +315,9 @@ PHASES = {
 }
 
 
-def status_line(progress: dict[str, Any], targets: Sequence[int]) -> str:
+def status_line(frame: int, targets: Sequence[int], progress: dict[str, Any]) -> str:
     """Tell a waiting user the frame, the phase, the samples and the time left."""
-    line = f"Frame {progress['frame']}"
+    line = f"Frame {frame}"
     if len(targets) > 1:
         line += f" (rendering {targets[0]} to {targets[-1]} together)"
     parts: list[str] = [line, PHASES[progress["phase"]]]

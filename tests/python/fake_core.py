@@ -95,7 +95,6 @@ class Render:
     def progress(self) -> dict[str, Any]:
         return {
             "phase": "sample",
-            "frame": self.targets[0],
             "samples_done": 1,
             "samples_total": self.settings["samples"],
             "fraction": 0.5,

@@ -179,8 +179,10 @@ class TestWords:
     def test_status_line(self) -> None:
         scene = fake_core.SceneFrame(1, [], [], {})
         progress = fake_core.Render([scene], [1], 1, {}, {"samples": 16}, 1).progress()
-        assert session.status_line(progress, [1]) == "Frame 1 | Sampling | Sample 1/16 | 01:01 left"
-        together = session.status_line(progress | {"seconds_left": None}, [1, 2, 3])
+        assert (
+            session.status_line(1, [1], progress) == "Frame 1 | Sampling | Sample 1/16 | 01:01 left"
+        )
+        together = session.status_line(1, [1, 2, 3], progress | {"seconds_left": None})
         assert together == "Frame 1 (rendering 1 to 3 together) | Sampling | Sample 1/16"
 
     def test_clock(self) -> None:
