@@ -57,11 +57,11 @@ const RECEIVER: Receiver = Receiver {
     normal: Vec3A::Z,
 };
 
-/// Luminance of the world over the sphere by brute force: 4096 x 2048 directions.
+/// Luminance of the world over the sphere by brute force: 1024 x 512 directions.
 fn energy(world: &World) -> f64 {
     let grid = Grid {
-        width: 4096,
-        height: 2048,
+        width: 1024,
+        height: 512,
     };
     let cells = (0..grid.cells()).map(|cell| {
         let radiance = world.radiance(grid.direction(cell, [0.5, 0.5]));
