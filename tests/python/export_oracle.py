@@ -301,3 +301,26 @@ def contract_table(name: str) -> dict[str, tuple[str, int]]:
     rows = re.findall(r'array\(\s*"(\w+)",\s*(\w+),\s*&\[(.*?)\]', table[1], re.S)
     names = {"F32": "float32", "U32": "uint32", "I32": "int32", "U64": "uint64"}
     return {row: (names[dtype], len(re.findall(r'"', shape)) // 2) for row, dtype, shape in rows}
+
+
+def render_with_cycles(folder: Path, size: int, samples: int, bounces: int = 0) -> np.ndarray:
+    """Render the scene with Cycles: pixels (size, size, 4), rows from the bottom up."""
+    render, cycles = scene().render, scene().cycles
+    render.engine, cycles.device = "CYCLES", "CPU"
+    cycles.samples, cycles.max_bounces = samples, bounces
+    cycles.use_denoising = cycles.use_adaptive_sampling = False
+    cycles.pixel_filter_type = "BOX"
+    cycles.filter_width = 0.01
+    render.resolution_x = render.resolution_y = size
+    render.threads_mode, render.threads = "FIXED", 1
+    if hasattr(render.image_settings, "media_type"):
+        render.image_settings.media_type = "IMAGE"
+    render.image_settings.file_format = "OPEN_EXR"
+    render.image_settings.color_depth = "32"
+    render.filepath = str(folder / "cycles.exr")
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(render.filepath)
+    pixels = np.empty((size, size, 4), np.float32)
+    image.pixels.foreach_get(pixels.reshape(-1))  # pyright: ignore[reportArgumentType]
+    bpy.data.images.remove(image)
+    return pixels
