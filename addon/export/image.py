@@ -82,20 +82,15 @@ class ImageTable:
 
 
 def read_pixels(use: ImageUse, warnings: Warnings) -> np.ndarray:
-    """Pixels (H, W, 4) of the wanted channel, straight alpha; one magenta pixel without any."""
+    """Pixels (H, W, 4) of the wanted channel; one magenta pixel if there are none."""
     image = use.image
-    width, height = image.size
-    if not image.has_data and width * height == 0:
-        image.update()
-        width, height = image.size
+    width, height = image.size  # makes Blender load the file
     if width * height == 0:
         return np.full((1, 1, 4), MAGENTA, np.float32)
     pixels = np.empty((height, width, 4), np.float32)
     _read_rgba(image, pixels)
-    _make_straight(image, pixels)
+    _settle_alpha(image, pixels, use.multiply_alpha)
     _to_scene_linear(image, pixels, warnings)
-    if use.multiply_alpha and image.alpha_mode not in ("CHANNEL_PACKED", "NONE"):
-        pixels[..., :3] *= pixels[..., 3:]
     if use.channel == "GREY":
         pixels[:] = (pixels[..., :3] @ np.array(LUMINANCE, np.float32))[..., None]
     elif use.channel != "COLOR":
@@ -114,13 +109,20 @@ def _read_rgba(image: bpy.types.Image, pixels: np.ndarray) -> None:
     pixels[..., :3] = raw if channels == 3 else raw[..., :1]
 
 
-def _make_straight(image: bpy.types.Image, pixels: np.ndarray) -> None:
-    """Blender keeps byte images with straight alpha, float images with multiplied alpha."""
+def _settle_alpha(image: bpy.types.Image, pixels: np.ndarray, multiply: bool) -> None:
+    """Colours straight, or multiplied by alpha: like Cycles before they are decoded.
+
+    Blender keeps byte images straight and float images multiplied.
+    """
     if image.alpha_mode == "NONE":
         pixels[..., 3] = 1.0
-    elif image.is_float and image.alpha_mode != "CHANNEL_PACKED":
-        alpha = pixels[..., 3:]
-        np.divide(pixels[..., :3], alpha, out=pixels[..., :3], where=(alpha > 0) & (alpha < 1))
+    if image.alpha_mode in ("NONE", "CHANNEL_PACKED") or multiply == image.is_float:
+        return
+    color, alpha = pixels[..., :3], pixels[..., 3:]
+    if multiply:
+        color *= alpha
+    else:
+        np.divide(color, alpha, out=color, where=alpha > 0.0)
 
 
 def _to_scene_linear(image: bpy.types.Image, pixels: np.ndarray, warnings: Warnings) -> None:
@@ -183,7 +185,7 @@ def _key(use: ImageUse) -> tuple:
 
 
 def _warn(image: bpy.types.Image, warnings: Warnings) -> None:
-    if image.size[0] * image.size[1] == 0 and not image.has_data:
+    if image.size[0] * image.size[1] == 0:
         where = image.filepath or "no file"
         warnings.add(image.name, f"image cannot be read ({where}), magenta is shown instead")
     if image.source in ("SEQUENCE", "MOVIE"):

@@ -319,8 +319,8 @@ def render_with_cycles(folder: Path, size: int, samples: int, bounces: int = 0) 
     render.image_settings.color_depth = "32"
     render.filepath = str(folder / "cycles.exr")
     bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(render.filepath)
+    image: Any = bpy.data.images.load(render.filepath)
     pixels = np.empty((size, size, 4), np.float32)
-    image.pixels.foreach_get(pixels.reshape(-1))  # pyright: ignore[reportArgumentType]
+    image.pixels.foreach_get(pixels.reshape(-1))
     bpy.data.images.remove(image)
     return pixels

@@ -61,7 +61,7 @@ def test_a_scene_without_camera_says_what_to_do() -> None:
 @pytest.mark.parametrize("kind", ["ORTHO", "PANO"])
 def test_other_projections_are_refused_by_name(kind: str) -> None:
     add_camera(type=kind)
-    with pytest.raises(export.ExportError, match="'Camera' is of type .* only perspective"):
+    with pytest.raises(export.ExportError, match=r"'Camera' is of type .* only perspective"):
         export_now()
 
 
@@ -125,10 +125,10 @@ def test_what_a_world_does_beyond_is_named() -> None:
 
 def marked_environment(width: int = 16, height: int = 8) -> Any:
     """An environment whose texels all differ."""
-    image = bpy.data.images.new("Marked", width, height, float_buffer=True)
+    image: Any = bpy.data.images.new("Marked", width, height, float_buffer=True)
     pixels = np.random.default_rng(1).random((height, width, 4), dtype=np.float32)
     pixels[..., 3] = 1.0
-    image.pixels.foreach_set(pixels.reshape(-1))  # pyright: ignore[reportArgumentType]
+    image.pixels.foreach_set(pixels.reshape(-1))
     return image
 
 

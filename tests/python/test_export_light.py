@@ -9,7 +9,14 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from export_oracle import add_camera, add_material, add_object, export_now, render_with_cycles, scene
+from export_oracle import (
+    add_camera,
+    add_material,
+    add_object,
+    export_now,
+    render_with_cycles,
+    scene,
+)
 from mathutils import Vector
 
 HEIGHT = 2.0
@@ -21,7 +28,7 @@ def empty_scene() -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
 
 
-def add_light(kind: str, **properties: Any) -> Any:
+def add_light(kind: Any, **properties: Any) -> Any:
     """Add a lamp above the origin that shines down; skip where this Blender lacks a property."""
     data: Any = bpy.data.lights.new("Lamp", kind)
     for name, value in properties.items():
