@@ -310,6 +310,11 @@ class Solid:
         return obj
 
 
+def outline(text: str) -> list[tuple[float, float]]:
+    """Points from text such as "0.1 2, 0.4 2.5"."""
+    return [(float(x), float(z)) for x, z in (pair.split() for pair in text.split(","))]
+
+
 def placed(at: Point, turn: Point = (0, 0, 0)) -> Matrix:
     """Rotation by XYZ Euler angles, then translation."""
     return Matrix.Translation(at) @ Euler(turn).to_matrix().to_4x4()
@@ -384,11 +389,10 @@ def principled(
     """A Principled material; the images, where given, replace colour and roughness."""
     material, tree = shader_tree(name)
     shader = tree.nodes.new("ShaderNodeBsdfPrincipled")
-    values = {
-        "Base Color": (*linear(code), 1.0), "Roughness": roughness, "Metallic": metallic,
-        "Specular IOR Level": specular, "Alpha": alpha, "Emission Color": (*linear(code), 1.0),
-        "Emission Strength": emission,
-    }  # fmt: skip
+    colour = (*linear(code), 1.0)
+    values = {"Base Color": colour, "Emission Color": colour, "Emission Strength": emission}
+    values |= {"Roughness": roughness, "Metallic": metallic, "Specular IOR Level": specular}
+    values["Alpha"] = alpha
     for socket, value in values.items():
         shader.inputs[socket].default_value = value
     for socket, texture in (("Base Color", image), ("Roughness", rough_image)):

@@ -58,10 +58,14 @@ LINKS = (
     ("bucket", "arm", (0, 0, 2.519), 0.0, "bucket", 0.75),
 )
 # A dig: frame, swing, boom, arm, bucket, inside the joint limits of the URDF.
-DIG = ((1, 0, -0.55, 1.5, 0.3), (16, 0, -0.15, 1.15, -0.2), (30, 0, -0.25, 2.1, 1.6), (44, 0.35,
-                                                                                       -0.9, 2.2,
-                                                                                       1.9),
-       (60, 1.2, -1.0, 1.7, 1.2), (72, 1.3, -0.95, 1.2, -0.3))  # fmt: skip
+DIG = (
+    (1, 0, -0.55, 1.5, 0.3),
+    (16, 0, -0.15, 1.15, -0.2),
+    (30, 0, -0.25, 2.1, 1.6),
+    (44, 0.35, -0.9, 2.2, 1.9),
+    (60, 1.2, -1.0, 1.7, 1.2),
+    (72, 1.3, -0.95, 1.2, -0.3),
+)
 
 
 def excavator(meshes: Path, hdri: Path) -> None:
@@ -69,9 +73,10 @@ def excavator(meshes: Path, hdri: Path) -> None:
     start(EXCAVATOR_FRAMES)
     worn = 0.25 + 0.4 * noise((256, 256), 6, rng, 5) ** 2
     wear = packed_image("PaintRoughness", np.repeat(worn[..., None], 3, 2), colour=False)
-    orange = principled("Orange Paint", "#cf5a16", rough_image=wear)
-    paints = {"crawler": principled("Track", "#2a2a2b", 0.6, metallic=0.4),
-              "bucket": principled("Worn Steel", "#8b8884", 0.36, metallic=1.0)}  # fmt: skip
+    orange = principled("Orange Paint", "#bd5f1a", rough_image=wear)
+    track = principled("Track", "#2a2a2b", 0.6, metallic=0.4)
+    steel = principled("Worn Steel", "#8b8884", 0.36, metallic=1.0)
+    paints = {"crawler": track, "bucket": steel}
     joints = {}
     for name, parent, origin, pitch, mesh, mesh_pitch in LINKS:
         base = empty(name, origin, joints.get(parent))
@@ -88,14 +93,17 @@ def excavator(meshes: Path, hdri: Path) -> None:
     reduced_hdri(hdri, 0.6)
     camera(
         [(1, (9.6, -9.2, 2.7), (2.3, -0.2, 2.0)), (72, (8.4, -10.4, 3.6), (2.2, 0.2, 2.2))],
-        30,
+        35,
         (0.05, 600),
     )
-    save("excavator", "Excavator",
-         "a chain of rigid joints, a hard sun inside an HDRI, imported meshes with many "
-         "small parts, metal, packed image textures",
-         "PWRI OPERA (model), DualCone contributors (scene)",
-         "Apache-2.0 (model), CC0-1.0 (HDRI, scene)")  # fmt: skip
+    save(
+        "excavator",
+        "Excavator",
+        "a chain of rigid joints, a hard sun inside an HDRI, imported meshes with many small "
+        "parts, metal, packed image textures",
+        author="PWRI OPERA (model), DualCone contributors (scene)",
+        licence="Apache-2.0 (model), CC0-1.0 (HDRI, scene)",
+    )
 
 
 def import_obj(path: Path, material: Material) -> Object:
@@ -113,9 +121,9 @@ def import_obj(path: Path, material: Material) -> Object:
 def pit(rng: Rng) -> None:
     """The loader's ground, a heap where the bucket unloads, and scattered stones."""
     loader.ground(rng, "#4f4335", "#957f62")
-    rocks = loader.rock_kinds(rng)
-    loader.gravel_pile(rocks, rng, Vector((1.2, 8.2, 0)), 3.0, 1.9, 60)
-    loader.gravel_pile(rocks, rng, Vector((-7.5, 5.0, 0)), 2.6, 1.5, 40)
+    rocks = loader.rock_kinds(rng, ("#5f5445", "#6d6252", "#544b3f"))
+    loader.gravel_pile(rocks, rng, Vector((1.2, 8.2, 0)), 3.0, 1.9, 110)
+    loader.gravel_pile(rocks, rng, Vector((-7.5, 5.0, 0)), 2.6, 1.5, 60)
     for rock in rocks:
         bpy.data.objects.remove(rock)
 
@@ -139,21 +147,26 @@ def figure(model: Path, hdri: Path) -> None:
         key(armature.parent, frame, location=(0, y, 0))
     tiles(rng)
     reduced_hdri(hdri, 1.0)
-    camera([(1, (2.3, -3.6, 1.25), (-0.1, -0.15, 0.92)), (FIGURE_FRAMES, (3.0, way - 2.7, 0.95),
-                                                          (-0.1, way - 0.15, 0.95))],
-           46, (0.01, 500))  # fmt: skip
-    save("figure", "Running figure",
-         "an armature deforming a skin, an overcast HDRI, a camera that travels along, "
-         "packed image textures",
-         "GDQuest and contributors (figure, CC BY 4.0), DualCone contributors (scene)",
-         "CC-BY-4.0 (figure), CC0-1.0 (HDRI, scene)")  # fmt: skip
+    begin = (1, (2.3, -3.6, 1.25), (-0.1, -0.15, 0.92))
+    end = (FIGURE_FRAMES, (3.0, way - 2.7, 0.95), (-0.1, way - 0.15, 0.95))
+    camera([begin, end], 46, (0.01, 500))
+    save(
+        "figure",
+        "Running figure",
+        "an armature deforming a skin, an overcast HDRI, a camera that travels along, "
+        "packed image textures",
+        author="GDQuest and contributors (figure), DualCone contributors (scene)",
+        licence="CC-BY-4.0 (figure), CC0-1.0 (HDRI, scene)",
+    )
 
 
 def use_paints() -> None:
     """Plain Principled colours after the file's own names; its vertex colours are all white."""
-    paints = {"Azul": principled("Blue", "#2a5fae", 0.35), "Blanco": principled("White", "#dcdad4",
-                                                                                0.4),
-              "Negro": principled("Black", "#1b1b1d", 0.3)}  # fmt: skip
+    paints = {
+        "Azul": principled("Blue", "#2a5fae", 0.35),
+        "Blanco": principled("White", "#dcdad4", 0.4),
+        "Negro": principled("Black", "#1b1b1d", 0.3),
+    }
     for old in [m for m in bpy.data.materials if m.name.endswith("_COLOR_0")]:
         old.user_remap(paints[old.name.split("_")[0]])
         bpy.data.materials.remove(old)

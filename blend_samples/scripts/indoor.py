@@ -25,6 +25,7 @@ from common import (
     linear,
     link,
     noise,
+    outline,
     packed_image,
     placed,
     principled,
@@ -124,9 +125,9 @@ def shell(rng: Rng) -> None:
     walls.to_object(smooth=False)
     colour, rough = planks(rng)
     floor = Solid("Floor")
-    wood = principled("Oak Floor", "#96673c", specular=0.45, image=packed_image("FloorColour",
-                                                                                colour),
-                      rough_image=packed_image("FloorRoughness", rough, colour=False))  # fmt: skip
+    grain = packed_image("FloorColour", colour)
+    gloss = packed_image("FloorRoughness", rough, colour=False)
+    wood = principled("Oak Floor", "#96673c", specular=0.45, image=grain, rough_image=gloss)
     floor.box((x + 0.4, y + 0.4, 0.1), (x / 2, y / 2, -0.05), wood)
     floor.to_object(smooth=False, uv_metres=1.5)
     trim = Solid("Skirting")
@@ -162,8 +163,8 @@ def curtains() -> None:
         bar = Solid("CurtainRod")
         bar.cylinder(0.014, (0.11, low - 0.38, 2.5), (0.11, high + 0.38, 2.5), rod, 10)
         for y in (low - 0.38, high + 0.38):
-            bar.lathe([(0.005, -0.03), (0.026, -0.015), (0.026, 0.015), (0.005, 0.03)], rod,
-                      placed((0.11, y, 2.5), (math.pi / 2, 0, 0)), 12)  # fmt: skip
+            knob = outline("0.005 -0.03, 0.026 -0.015, 0.026 0.015, 0.005 0.03")
+            bar.lathe(knob, rod, placed((0.11, y, 2.5), (math.pi / 2, 0, 0)), 12)
         for y in (low - 0.28, high + 0.28):
             bar.box((0.12, 0.02, 0.03), (0.055, y, 2.5), rod)
         bar.to_object()
@@ -255,9 +256,9 @@ def coffee_table(at: Vector) -> None:
     legs.to_object(at=at, bevel=0.003, segments=1)
     bowl = Solid("Bowl")
     glaze = principled("Blue Glaze", "#3c6f8f", 0.12)
-    bowl.lathe([(0.001, 0), (0.06, 0), (0.07, 0.012), (0.12, 0.045), (0.15, 0.085), (0.143, 0.085),
-                (0.11, 0.05),
-                (0.06, 0.022), (0.001, 0.018)], glaze, None, 24)  # fmt: skip
+    outside = "0.001 0, 0.06 0, 0.07 0.012, 0.12 0.045, 0.15 0.085"
+    inside = "0.143 0.085, 0.11 0.05, 0.06 0.022, 0.001 0.018"
+    bowl.lathe(outline(f"{outside}, {inside}"), glaze, None, 24)
     for i, (x, y) in enumerate(((0.045, 0.01), (-0.04, 0.035), (-0.01, -0.05))):
         fruit = principled(
             ("Orange", "Lemon", "Apple")[i], ("#d9791e", "#d9b92e", "#9c2f22")[i], 0.4
@@ -343,9 +344,8 @@ def floor_lamp(at: Vector) -> None:
     brass = principled("Lamp Brass", "#b08d4a", 0.25, metallic=1.0)
     shade = principled("Lamp Shade", "#f3e2bf", 0.9, emission=0.5)
     lamp = Solid("FloorLamp")
-    lamp.lathe([(0.001, 0), (0.15, 0), (0.15, 0.015), (0.02, 0.035), (0.012, 0.06), (0.012, 1.42),
-                (0.001, 1.42)],
-               brass, None, 20)  # fmt: skip
+    foot = "0.001 0, 0.15 0, 0.15 0.015, 0.02 0.035, 0.012 0.06, 0.012 1.42, 0.001 1.42"
+    lamp.lathe(outline(foot), brass, None, 20)
     lamp.lathe(
         [(0.13, 1.62), (0.2, 1.3), (0.197, 1.3), (0.127, 1.62), (0.13, 1.62)], shade, None, 24
     )
@@ -364,18 +364,18 @@ def plant(at: Vector, rng: Rng) -> None:
     clay, soil = principled("Terracotta", "#a35a38", 0.8), diffuse("Soil", "#2c2118")
     leaf, stem = principled("Leaf", "#3f6b2f", 0.4), diffuse("Stem", "#5b6b3a")
     pot = Solid("Pot")
-    pot.lathe([(0.001, 0), (0.13, 0), (0.18, 0.3), (0.195, 0.3), (0.195, 0.35), (0.17, 0.35),
-               (0.165, 0.31), (0.001, 0.31)],
-              clay, None, 20)  # fmt: skip
+    rim = "0.195 0.3, 0.195 0.35, 0.17 0.35, 0.165 0.31, 0.001 0.31"
+    pot.lathe(outline(f"0.001 0, 0.13 0, 0.18 0.3, {rim}"), clay, None, 20)
     pot.lathe([(0.16, 0.312), (0.16, 0.322), (0.001, 0.325)], soil, None, 20)
     pot.to_object(at=at)
     green = Solid("Leaves")
     for i in range(19):
         turn = 2.4 * i
         out, top = rng.uniform(0.12, 0.42), rng.uniform(0.75, 1.55)
-        path = [(out * t**1.6 * math.cos(turn), out * t**1.6 * math.sin(turn),
-                 0.32 + (top - 0.32) * t)
-                for t in (0, 0.35, 0.7, 1.0)]  # fmt: skip
+        path = [
+            (out * t**1.6 * math.cos(turn), out * t**1.6 * math.sin(turn), 0.32 + (top - 0.32) * t)
+            for t in (0, 0.35, 0.7, 1.0)
+        ]
         green.tube(path, 0.006, stem, 4)
         blade(green, leaf, Vector(path[-1]), turn, rng.uniform(0.24, 0.36), rng.uniform(0.1, 0.7))
     green.to_object(at=at, closed=False)
@@ -438,9 +438,9 @@ def dining(at: Vector) -> None:
         copy(chair, at + Vector((-0.62 * math.cos(turn), -0.62 * math.sin(turn), 0)), (0, 0, turn))
     bpy.data.objects.remove(chair)
     vase = Solid("Vase")
-    vase.lathe([(0.001, 0), (0.045, 0), (0.07, 0.05), (0.075, 0.1), (0.03, 0.19), (0.035, 0.22),
-                (0.028, 0.22), (0.024, 0.19),
-                (0.001, 0.15)], principled("White Glaze", "#e4e0d6", 0.15), None, 20)  # fmt: skip
+    outside = "0.001 0, 0.045 0, 0.07 0.05, 0.075 0.1, 0.03 0.19, 0.035 0.22"
+    glaze = principled("White Glaze", "#e4e0d6", 0.15)
+    vase.lathe(outline(f"{outside}, 0.028 0.22, 0.024 0.19, 0.001 0.15"), glaze, None, 20)
     stalk, bloom = diffuse("Stalk", "#55703d"), diffuse("Bloom", "#c8505a")
     for i in range(5):
         a, out = 1.26 * i, 0.03 + 0.018 * i
@@ -531,16 +531,9 @@ def ceiling_fan(at: Vector) -> None:
     )
     for i in range(4):
         turn = Matrix.Rotation(math.pi / 2 * i, 4, "Z")
-        outline = [
-            (0.16, -0.055),
-            (0.62, -0.075),
-            (0.66, -0.05),
-            (0.66, 0.05),
-            (0.62, 0.075),
-            (0.16, 0.055),
-        ]
+        plan = outline("0.16 -0.055, 0.62 -0.075, 0.66 -0.05, 0.66 0.05, 0.62 0.075, 0.16 0.055")
         flat = Matrix.Rotation(math.radians(90 + 11), 4, "X")
-        fan.prism(outline, (-0.004, 0.004), wood, turn @ flat)
+        fan.prism(plan, (-0.004, 0.004), wood, turn @ flat)
         fan.box((0.14, 0.03, 0.008), turn @ Vector((0.13, 0, 0)), brass, (0, 0, math.pi / 2 * i))
     obj = fan.to_object(at=at - Vector((0, 0, 0.32)))
     for frame, turn in ((1, 0.0), (FRAMES + 1, 2 * math.pi * 1.5)):
@@ -574,8 +567,8 @@ def pendulum_clock(at: Vector) -> None:
     case.to_object(at=at)
     bob = Solid("Pendulum")
     bob.cylinder(0.004, (0, 0, 0), (0, 0, -0.36), brass, 8)
-    bob.lathe([(0.001, -0.008), (0.04, -0.006), (0.05, 0), (0.04, 0.006), (0.001, 0.008)], brass,
-              placed((0, 0, -0.38), (math.pi / 2, 0, 0)), 20)  # fmt: skip
+    disk = outline("0.001 -0.008, 0.04 -0.006, 0.05 0, 0.04 0.006, 0.001 0.008")
+    bob.lathe(disk, brass, placed((0, 0, -0.38), (math.pi / 2, 0, 0)), 20)
     swinging = bob.to_object(at=at + Vector((0, 0.025, 0.12)))
     for frame in range(1, FRAMES + 1):
         key(swinging, frame, rotation_euler=(0, 0.16 * math.sin(2 * math.pi * (frame - 1) / 36), 0))
@@ -620,11 +613,11 @@ def garden(rng: Rng) -> None:
     lawn.add(
         [(-60, -40, -0.35), (-0.3, -40, -0.35), (-0.3, 45, -0.35), (-60, 45, -0.35)],
         [range(4)],
-        diffuse("Lawn", "#5a6644"),
+        diffuse("Lawn", "#667048"),
     )
     lawn.to_object(closed=False, smooth=False)
     bush = Solid("Bush")
-    bush.rock(1.0, diffuse("Bush", "#46523a"), rng, 2)
+    bush.rock(1.0, diffuse("Bush", "#4c5634"), rng, 2)
     source = bush.to_object()
     for i in range(9):
         size = rng.uniform(1.0, 1.9)
@@ -659,7 +652,7 @@ def make() -> None:
     pendulum_clock(Vector((3.5, 4.93, 1.75)))
     rolling_ball(Vector((4.9, 2.9, 0)), Vector((3.95, 2.5, 0)))
     garden(rng)
-    towards = sun(30, 168, 9.0)
+    towards = sun(30, 168, 8.0)
     sky(towards, 4.5, 0.45, "#6f9fd8", "#dfe8ee", "#6a7a50", seed=8)
     camera(
         [

@@ -24,6 +24,7 @@ from common import (
     key,
     light_emitter,
     noise,
+    outline,
     packed_image,
     placed,
     principled,
@@ -102,8 +103,12 @@ def tyre(solid: Solid, rubber: Material) -> None:
 
 def lug(solid: Solid, rubber: Material, angle: float, side: int) -> None:
     """One bar of the chevron tread, from the middle over the shoulder."""
-    stations = ((0.0, 0.0, 0.74, WHEEL_RADIUS), (0.14, 0.07, 0.74, WHEEL_RADIUS),
-                (0.255, 0.13, 0.72, 0.805), (0.292, 0.15, 0.63, 0.69))  # fmt: skip
+    stations = (  # y, lead, inner and outer radius
+        (0.0, 0.0, 0.74, WHEEL_RADIUS),
+        (0.14, 0.07, 0.74, WHEEL_RADIUS),
+        (0.255, 0.13, 0.72, 0.805),
+        (0.292, 0.15, 0.63, 0.69),
+    )
     points = []
     for y, lead, inner, outer in stations:
         for radius, half_width in ((inner, 0.062), (outer, 0.045)):
@@ -120,9 +125,8 @@ def wheel_mesh(paints: Paints) -> Object:
     wheel = Solid("Wheel")
     tyre(wheel, paints.rubber)
     to_axle = Matrix.Rotation(-math.pi / 2, 4, "X")
-    rim = [(0.43, -0.22), (0.43, 0.22), (0.405, 0.225), (0.385, 0.18), (0.36, 0.10), (0.24, 0.06),
-           (0.22, 0.12),
-           (0.17, 0.135), (0.15, 0.20), (0.05, 0.215)]  # fmt: skip
+    flange = "0.43 -0.22, 0.43 0.22, 0.405 0.225, 0.385 0.18, 0.36 0.1, 0.24 0.06"
+    rim = outline(f"{flange}, 0.22 0.12, 0.17 0.135, 0.15 0.2, 0.05 0.215")
     wheel.lathe(rim, paints.yellow, to_axle, 32)
     for i in range(12):
         a = 2 * math.pi * i / 12
@@ -135,8 +139,8 @@ def wheels(parent: Object, x: float, mesh: Object, paints: Paints) -> list:
     """Two wheels on an axle; (wheel, sign of its turn) each, their rims facing outward."""
     axle = Solid("Axle")
     axle.cylinder(0.16, (x, -0.85, WHEEL_RADIUS), (x, 0.85, WHEEL_RADIUS), paints.chassis, 20)
-    axle.lathe([(0.1, -0.3), (0.3, -0.2), (0.36, 0), (0.3, 0.2), (0.1, 0.3)], paints.chassis,
-               placed((x, 0, WHEEL_RADIUS), (math.pi / 2, 0, 0)), 24)  # fmt: skip
+    gear = outline("0.1 -0.3, 0.3 -0.2, 0.36 0, 0.3 0.2, 0.1 0.3")
+    axle.lathe(gear, paints.chassis, placed((x, 0, WHEEL_RADIUS), (math.pi / 2, 0, 0)), 24)
     axle.to_object(parent)
     turning = []
     for side in (-1, 1):
@@ -153,9 +157,8 @@ def wheels(parent: Object, x: float, mesh: Object, paints: Paints) -> list:
 
 def hood(parent: Object, paints: Paints) -> None:
     body = Solid("Hood")
-    body.prism([(-0.98, 1.12), (-0.98, 2.12), (-2.3, 2.06), (-3.0, 1.95), (-3.25, 1.72), (-3.3,
-                                                                                          1.12)],
-               (-0.74, 0.74), paints.yellow)  # fmt: skip
+    shape = "-0.98 1.12, -0.98 2.12, -2.3 2.06, -3 1.95, -3.25 1.72, -3.3 1.12"
+    body.prism(outline(shape), (-0.74, 0.74), paints.yellow)
     body.to_object(parent, bevel=0.07, segments=4, uv_metres=1.5)
     weight = Solid("Counterweight")
     weight.prism(
@@ -221,9 +224,12 @@ def rear_chassis(parent: Object, paints: Paints) -> None:
 def fender(solid: Solid, paint: Material, x: float, side: int, first: float, last: float) -> None:
     """A curved guard over a wheel, from `first` to `last` degrees."""
     angles = [math.radians(first + (last - first) * i / 12) for i in range(13)]
-    outline = [(x + r * math.cos(a), WHEEL_RADIUS + r * math.sin(a))
-               for r, order in ((0.99, angles), (0.95, angles[::-1])) for a in order]  # fmt: skip
-    solid.prism(outline, (side * 0.72, side * 1.34), paint)
+    arc = [
+        (x + r * math.cos(a), WHEEL_RADIUS + r * math.sin(a))
+        for r, order in ((0.99, angles), (0.95, angles[::-1]))
+        for a in order
+    ]
+    solid.prism(arc, (side * 0.72, side * 1.34), paint)
 
 
 def steps_and_rails(parent: Object, paints: Paints) -> None:
@@ -240,9 +246,8 @@ def steps_and_rails(parent: Object, paints: Paints) -> None:
         for x in (-0.54, -0.06):
             iron.box((0.035, 0.05, 0.72), (x, y + side * 0.06, 0.72), paints.black)
         for x in (-0.84, -0.02):
-            iron.tube([(x, y, 1.2), (x, y, 1.95), (x - 0.06, y, 2.05), (x - 0.12, y - side * 0.2,
-                                                                        2.05)],
-                      0.02, paints.yellow, 8)  # fmt: skip
+            top = [(x, y, 1.95), (x - 0.06, y, 2.05), (x - 0.12, y - side * 0.2, 2.05)]
+            iron.tube([(x, y, 1.2), *top], 0.02, paints.yellow, 8)
         rail = [(-1.1, 2.1), (-1.1, 2.4), (-1.2, 2.48), (-2.6, 2.42), (-2.72, 2.34), (-2.75, 2.0)]
         iron.tube([(x, side * 0.66, z) for x, z in rail], 0.02, paints.black, 8)
         iron.cylinder(0.018, (-1.9, side * 0.66, 2.05), (-1.9, side * 0.66, 2.44), paints.black, 8)
@@ -250,16 +255,16 @@ def steps_and_rails(parent: Object, paints: Paints) -> None:
 
 
 def cab(parent: Object, paints: Paints) -> None:
-    outline = [(0.42, 1.22), (0.52, 1.9), (0.36, 3.1), (-0.86, 3.1), (-0.92, 1.9), (-0.92, 1.22)]
+    profile = [(0.42, 1.22), (0.52, 1.9), (0.36, 3.1), (-0.86, 3.1), (-0.92, 1.9), (-0.92, 1.22)]
     shell = Solid("CabFrame")
     shell.box((1.36, 1.4, 0.1), (-0.24, 0, 1.26), paints.black)
     for side in (-1, 1):
         y = side * 0.7
-        for a, b in zip(outline, outline[1:] + outline[:1], strict=True):
+        for a, b in zip(profile, profile[1:] + profile[:1], strict=True):
             shell.tube([(a[0], y, a[1]), (b[0], y, b[1])], 0.05, paints.black, 8)
         shell.tube([(-0.3, y, 1.3), (-0.3, y, 3.1)], 0.035, paints.black, 8)
         shell.box((1.3, 0.06, 0.42), (-0.22, y, 1.5), paints.yellow)  # lower panel and door
-    for x, z in outline:
+    for x, z in profile:
         shell.tube([(x, -0.7, z), (x, 0.7, z)], 0.05, paints.black, 8)
     shell.to_object(parent, uv_metres=1.5)
     roof = Solid("CabRoof")
@@ -267,18 +272,16 @@ def cab(parent: Object, paints: Paints) -> None:
     roof.to_object(parent, bevel=0.05, segments=3, uv_metres=1.5)
     panes = Solid("CabGlass")
     for side in (-1, 1):
-        y = side * 0.7
-        panes.add([(0.47, y, 1.7), (0.51, y, 1.9), (0.36, y, 3.08), (-0.86, y, 3.08), (-0.9, y,
-                                                                                       1.7)],
-                  [range(5)], paints.glass)  # fmt: skip
-    for lower, upper in (
-        (outline[0], outline[1]),
-        (outline[1], outline[2]),
-        (outline[4], outline[3]),
-    ):
-        panes.add([(lower[0], -0.66, lower[1]), (lower[0], 0.66, lower[1]), (upper[0], 0.66,
-                                                                             upper[1]),
-                   (upper[0], -0.66, upper[1])], [range(4)], paints.glass)  # fmt: skip
+        pane = outline("0.47 1.7, 0.51 1.9, 0.36 3.08, -0.86 3.08, -0.9 1.7")
+        panes.add([(x, side * 0.7, z) for x, z in pane], [range(5)], paints.glass)
+    for low, high in ((0, 1), (1, 2), (4, 3)):
+        edges = (
+            (profile[low], -0.66),
+            (profile[low], 0.66),
+            (profile[high], 0.66),
+            (profile[high], -0.66),
+        )
+        panes.add([(x, y, z) for (x, z), y in edges], [range(4)], paints.glass)
     panes.to_object(parent, smooth=False, closed=False)
 
 
@@ -365,12 +368,10 @@ def front_chassis(parent: Object, paints: Paints) -> None:
 def boom(parent: Object, paints: Paints) -> Object:
     arm = empty("Boom", BOOM_PIVOT, parent)
     plates = Solid("BoomPlates")
-    outline = [(-0.16, -0.1), (0.0, -0.18), (1.3, -0.2), (2.3, -0.16), (2.95, -0.14), (3.04, 0.0),
-               (2.95, 0.14),
-               (2.35, 0.2), (1.75, 0.5), (1.4, 0.56), (0.9, 0.34), (0.0, 0.18), (-0.16,
-                                                                                 0.1)]  # fmt: skip
+    below = "-0.16 -0.1, 0 -0.18, 1.3 -0.2, 2.3 -0.16, 2.95 -0.14, 3.04 0"
+    above = "2.95 0.14, 2.35 0.2, 1.75 0.5, 1.4 0.56, 0.9 0.34, 0 0.18, -0.16 0.1"
     for y in (-0.58, 0.48):
-        plates.prism(outline, (y, y + 0.1), paints.yellow)
+        plates.prism(outline(f"{below}, {above}"), (y, y + 0.1), paints.yellow)
     plates.to_object(arm, bevel=0.02, segments=3, uv_metres=1.5)
     pins = Solid("BoomPins")
     pins.cylinder(0.15, (2.15, -0.5, 0.02), (2.15, 0.5, 0.02), paints.yellow, 24)
@@ -483,7 +484,7 @@ def hydraulics(front: Object, arm: Object, crank: Object, paints: Paints) -> Non
     for y in (-0.42, 0.42):
         base = empty("LiftBase", (LIFT_BASE.x, y, LIFT_BASE.z), front)
         cylinder_pair(
-            base, empty("LiftEnd", (LIFT_END.x, y, LIFT_END.z), arm), 0.085, (1.0, 1.0), paints
+            base, empty("LiftEnd", (LIFT_END.x, y, LIFT_END.z), arm), 0.085, (0.9, 0.9), paints
         )
     end = empty("TiltEnd", (CRANK_HIGH.x, 0, CRANK_HIGH.y), crank)
     cylinder_pair(empty("TiltBase", TILT_BASE, front), end, 0.1, (1.0, 0.98), paints)
@@ -570,11 +571,11 @@ def machine(paints: Paints, rocks: list[Object], rng: Rng) -> None:
 # ---------------------------------------------------------------- yard
 
 
-def rock_kinds(rng: Rng) -> list[Object]:
-    stone = [
-        principled(f"Stone {code}", code, 0.9, specular=0.3)
-        for code in ("#8b8378", "#77726b", "#9a8f7f")
-    ]
+STONES = ("#8b8378", "#77726b", "#9a8f7f")
+
+
+def rock_kinds(rng: Rng, codes: tuple[str, ...] = STONES) -> list[Object]:
+    stone = [principled(f"Stone {code}", code, 0.9, specular=0.3) for code in codes]
     kinds = []
     for i in range(6):
         solid = Solid(f"Rock{i}")
@@ -603,9 +604,8 @@ def load_bucket(joint: Object, rocks: list[Object], rng: Rng) -> None:
     heap.to_object(joint, closed=False)
     for _ in range(60):
         u, v = rng.uniform(0.06, 0.94), rng.uniform(0.03, 0.97)
-        scatter(rocks, rng, Vector(surface(u, v)) - Vector((math.sin(lean), 0,
-                                                            math.cos(lean))) * 0.02,
-                rng.uniform(0.12, 0.3), joint)  # fmt: skip
+        sunk = Vector((math.sin(lean), 0, math.cos(lean))) * 0.02
+        scatter(rocks, rng, Vector(surface(u, v)) - sunk, rng.uniform(0.12, 0.3), joint)
 
 
 def gravel_pile(
@@ -617,7 +617,7 @@ def gravel_pile(
         a, r = 2 * math.pi * u, radius * v
         lump = bumps[int(u * 63), int(v * 63)] - 0.5
         edge = 1 + 0.15 * math.sin(3 * a) + 0.1 * math.sin(5 * a + 1)
-        rise = height * max(1 - v**1.15, 0) + 0.5 * lump * v * (1 - v)
+        rise = height * max(1 - v**1.15, 0) + 1.1 * lump * v * (1 - v)
         return centre.x + r * edge * math.cos(a), centre.y + r * edge * math.sin(a), rise - 0.03
 
     heap = Solid("GravelPile")
@@ -654,8 +654,11 @@ def puddles() -> None:
         ring = Solid("Puddle")
         angles = np.linspace(0, 2 * math.pi, 40, endpoint=False)
         radii = size * (1 + 0.25 * np.sin(2 * angles + x) + 0.15 * np.sin(5 * angles + y))
-        ring.add([(x + 1.5 * r * math.cos(a), y + 0.7 * r * math.sin(a), 0.005)
-                  for r, a in zip(radii, angles, strict=True)], [range(40)], water)  # fmt: skip
+        shore = [
+            (x + 1.5 * r * math.cos(a), y + 0.7 * r * math.sin(a), 0.005)
+            for r, a in zip(radii, angles, strict=True)
+        ]
+        ring.add(shore, [range(40)], water)
         ring.to_object(closed=False, smooth=False)
 
 
@@ -783,10 +786,13 @@ def surroundings(rng: Rng) -> None:
         bpy.data.objects.remove(tree)
     hills = Solid("Hills")
     ridge = noise((256, 8), 4, rng)[:, 0]
-    hills.sheet(lambda u, v: (130 * (1 + v) * math.cos(2 * math.pi * u),
-                              130 * (1 + v) * math.sin(2 * math.pi * u),
-                              -1 + v * (2 + 60 * max(ridge[int(u * 255)] - 0.3, 0.0))), 96, 1,
-                              diffuse("Hills", "#5c6a5a"))  # fmt: skip
+
+    def surface(u: float, v: float) -> Point:
+        a, r = 2 * math.pi * u, 130 * (1 + v)
+        rise = 2 + 60 * max(ridge[int(u * 255)] - 0.3, 0.0)
+        return r * math.cos(a), r * math.sin(a), -1 + v * rise
+
+    hills.sheet(surface, 96, 1, diffuse("Hills", "#5c6a5a"))
     hills.to_object(closed=False)
 
 

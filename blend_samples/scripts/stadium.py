@@ -40,11 +40,19 @@ EXERCISES = (
 EAVES, OPENING, FOOT = (166.0, 147.0), (93.0, 64.0), 0.87
 PRIMARY = 24
 TRUSS_DEPTH = 9.0
-# Section of the bowl: (w, fraction of the eaves' ellipse or way to the opening, fraction of height)
-SECTION = np.array([(0, 0.0, 0.0), (0.5, 0.62, 0.47), (0.8, 0.9, 0.76), (0.93, 0.985, 0.9), (1.0,
-                                                                                             1.0,
-                                                                                             0.955),
-                    (1.08, 0.985, 0.992), (1.25, 0.985, 1.01), (2.0, 0.985, 0.965)])  # fmt: skip
+# Section of the bowl: w, way from the foot to the eaves (up to w = 1), fraction of the height.
+SECTION = np.array(
+    [
+        (0, 0.0, 0.0),
+        (0.5, 0.62, 0.47),
+        (0.8, 0.9, 0.76),
+        (0.93, 0.985, 0.9),
+        (1.0, 1.0, 0.955),
+        (1.08, 0.985, 0.992),
+        (1.25, 0.985, 1.01),
+        (2.0, 0.985, 0.965),
+    ]
+)
 
 
 # ---------------------------------------------------------------- the surface
@@ -308,9 +316,11 @@ def core(rng: Rng) -> None:
 def wall_ring(
     solid: Solid, material: Material, scale: float, low: float, high: float, segments: int = 72
 ) -> None:
-    points = [(EAVES[0] * scale * math.cos(2 * math.pi * i / segments),
-               EAVES[1] * scale * math.sin(2 * math.pi * i / segments), z)
-              for z in (low, high) for i in range(segments)]  # fmt: skip
+    points = [
+        (EAVES[0] * scale * math.cos(t), EAVES[1] * scale * math.sin(t), z)
+        for z in (low, high)
+        for t in np.linspace(0, 2 * math.pi, segments, endpoint=False)
+    ]
     faces = [
         (i, (i + 1) % segments, segments + (i + 1) % segments, segments + i)
         for i in range(segments)
@@ -397,8 +407,9 @@ def plaza(rng: Rng) -> None:
     tiles[:, grid] -= 0.12
     image = packed_image("Paving", np.round(tinted("#7d776c", "#bcb5a6", tiles + 0.25) * 48) / 48)
     ground = Solid("Plaza")
-    ground.add([(-1500, -1500, 0), (1500, -1500, 0), (1500, 1500, 0), (-1500, 1500, 0)], [range(4)],
-               principled("Paving", "#9a9488", 0.8, specular=0.3, image=image))  # fmt: skip
+    stone = principled("Paving", "#9a9488", 0.8, specular=0.3, image=image)
+    corners = [(-1500, -1500, 0), (1500, -1500, 0), (1500, 1500, 0), (-1500, 1500, 0)]
+    ground.add(corners, [range(4)], stone)
     ground.to_object(closed=False, smooth=False, uv_metres=60.0)
     water = Solid("Canal")
     water.box((2400, 60, 0.2), (0, 420, 0.1), principled("Canal", "#31424a", 0.05, specular=0.6))
@@ -431,8 +442,9 @@ def sector(
     points = []
     for i in range(steps + 1):
         t = 2 * math.pi * (span[0] + (span[1] - span[0]) * i / steps) / count
-        points += [(EAVES[0] * r * math.cos(t), EAVES[1] * r * math.sin(t), z) for r, z in
-                   ((reach[0], 0), (reach[0], top), (reach[1], top), (reach[1], 0))]  # fmt: skip
+        corners = ((reach[0], 0), (reach[0], top), (reach[1], top), (reach[1], 0))
+        c, s = EAVES[0] * math.cos(t), EAVES[1] * math.sin(t)
+        points += [(c * r, s * r, z) for r, z in corners]
     last = 4 * steps
     faces = [(0, 1, 2, 3), (last + 3, last + 2, last + 1, last)]
     faces += [
