@@ -650,7 +650,7 @@ def make() -> None:
     pictures(rng)
     ceiling_fan(Vector((2.6, 2.7, ROOM[2])))
     pendulum_clock(Vector((3.5, 4.93, 1.75)))
-    rolling_ball(Vector((4.9, 2.9, 0)), Vector((3.95, 2.5, 0)))
+    rolling_ball(Vector((5.1, 3.5, 0)), Vector((3.75, 3.0, 0)))
     garden(rng)
     towards = sun(30, 168, 8.0)
     sky(towards, 4.5, 0.45, "#6f9fd8", "#dfe8ee", "#6a7a50", seed=8)
