@@ -1,6 +1,9 @@
 //! The top level: a tree over the boxes of instances.
 
-use super::{simd::Portable, wide::WideTree};
+use super::{
+    simd::{Job, Lanes, run_widest},
+    wide::{Walk, WideTree},
+};
 use crate::math::Ray;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
@@ -30,23 +33,64 @@ impl InstanceBvh {
 
     /// Visits the instances whose boxes the ray meets, roughly the nearest first. `visit` gets
     /// the instance and the largest `t` that still counts, and returns a shorter one after a hit.
-    pub fn closest(&self, ray: &Ray, mut visit: impl FnMut(u32, f32) -> Option<f32>) {
+    pub fn closest(&self, ray: &Ray, visit: impl FnMut(u32, f32) -> Option<f32>) {
         if let Some(tree) = &self.tree {
-            tree.nearest::<Portable>(ray, |instance, t_max| {
-                visit(instance, t_max).unwrap_or(t_max)
-            });
+            run_widest(Closest { tree, ray, visit });
         }
     }
 
     /// Visits the instances whose boxes the ray meets until `visit` returns true; whether it did.
     pub fn any(&self, ray: &Ray, visit: impl FnMut(u32) -> bool) -> bool {
-        self.tree
-            .as_ref()
-            .is_some_and(|tree| tree.any::<Portable>(ray, visit))
+        let tree = self.tree.as_ref();
+        tree.is_some_and(|tree| run_widest(Any { tree, ray, visit }))
     }
 
     /// Lower and upper corner of all boxes, None when there are none.
     pub fn bounds(&self) -> Option<(Vec3A, Vec3A)> {
         self.tree.as_ref().map(WideTree::bounds)
+    }
+}
+
+struct Closest<'a, V> {
+    tree: &'a WideTree,
+    ray: &'a Ray,
+    visit: V,
+}
+
+impl<V: FnMut(u32, f32) -> Option<f32>> Job for Closest<'_, V> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(mut self) {
+        let Some(mut walk) = Walk::<L>::new(self.tree, self.ray) else {
+            return;
+        };
+        let mut t_max = self.ray.t_max;
+        while let Some(instance) = walk.next_nearest(t_max) {
+            t_max = (self.visit)(instance, t_max).unwrap_or(t_max);
+        }
+    }
+}
+
+struct Any<'a, V> {
+    tree: &'a WideTree,
+    ray: &'a Ray,
+    visit: V,
+}
+
+impl<V: FnMut(u32) -> bool> Job for Any<'_, V> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<L: Lanes>(mut self) -> bool {
+        let Some(mut walk) = Walk::<L>::new(self.tree, self.ray) else {
+            return false;
+        };
+        while let Some(instance) = walk.next_largest(self.ray.t_max) {
+            if (self.visit)(instance) {
+                return true;
+            }
+        }
+        false
     }
 }

@@ -13,8 +13,8 @@ pub struct Slabs {
     pub inverse: [f32; 3],
     pub near_offset: [f32; 3],
     pub far_offset: [f32; 3],
-    /// Per axis 1 where the ray runs down the axis and meets the upper plane first, else 0.
-    pub backward: [usize; 3],
+    /// Per axis whether the ray runs down it and meets the upper plane first.
+    pub backward: [bool; 3],
     pub t_min: f32,
 }
 
@@ -50,7 +50,7 @@ impl Slabs {
             inverse: inverse.to_array(),
             near_offset: near_offset.to_array(),
             far_offset: far_offset.to_array(),
-            backward: inverse.to_array().map(|x| usize::from(x < 0.0)),
+            backward: inverse.to_array().map(|x| x < 0.0),
             t_min: ray.t_min,
         })
     }

@@ -4,6 +4,8 @@
 use super::{
     InstanceBvh, TriangleBvh, TriangleHit,
     shear::{Shear, exact_edges},
+    simd::{Job, Portable},
+    triangles::{Any, Closest},
 };
 use crate::math::{Ray, statistics::Random};
 use glam::{DVec3, Vec3, Vec3A, vec3};
@@ -175,6 +177,11 @@ fn assert_twins(mesh: &Mesh, rays: &[Ray]) {
         let expected = mesh.brute_force(ray);
         assert_eq!(bvh.closest_hit(ray), expected, "{ray:?}");
         assert_eq!(bvh.occluded(ray), expected.is_some(), "{ray:?}");
+        let (bvh, accept) = (&bvh, |_: &TriangleHit| true);
+        let portable = Closest { bvh, ray, accept }.run::<Portable>();
+        assert_eq!(portable, expected, "{ray:?}");
+        let portable = Any { bvh, ray, accept }.run::<Portable>();
+        assert_eq!(portable, expected.is_some(), "{ray:?}");
     }
 }
 

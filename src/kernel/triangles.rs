@@ -2,8 +2,8 @@
 
 use super::{
     shear::Shear,
-    simd::{LEAF_TRIANGLES, Lanes, Packet, Portable},
-    wide::WideTree,
+    simd::{Job, LEAF_TRIANGLES, Lanes, Meetings, Packet, run_widest},
+    wide::{Walk, WideTree},
 };
 use crate::math::Ray;
 use glam::{DVec3, Vec3, Vec3A};
@@ -68,7 +68,11 @@ impl TriangleBvh {
         ray: &Ray,
         accept: impl FnMut(&TriangleHit) -> bool,
     ) -> Option<TriangleHit> {
-        self.closest::<Portable>(ray, accept)
+        run_widest(Closest {
+            bvh: self,
+            ray,
+            accept,
+        })
     }
 
     /// Whether anything is hit in `[t_min, t_max]`.
@@ -78,7 +82,11 @@ impl TriangleBvh {
 
     /// Whether anything is hit that `accept` accepts, which must depend on the hit only.
     pub fn occluded_where(&self, ray: &Ray, accept: impl FnMut(&TriangleHit) -> bool) -> bool {
-        self.any::<Portable>(ray, accept)
+        run_widest(Any {
+            bvh: self,
+            ray,
+            accept,
+        })
     }
 
     /// Lower and upper corner of all triangles that can be hit, None when there are none.
@@ -91,60 +99,85 @@ impl TriangleBvh {
         let nodes = self.tree.as_ref().map_or(0, WideTree::memory_bytes);
         nodes + self.packets.capacity() * size_of::<Packet>()
     }
+}
+
+/// The closest accepted hit of a ray.
+pub(super) struct Closest<'a, A> {
+    pub bvh: &'a TriangleBvh,
+    pub ray: &'a Ray,
+    pub accept: A,
+}
+
+impl<A: FnMut(&TriangleHit) -> bool> Job for Closest<'_, A> {
+    type Output = Option<TriangleHit>;
 
     #[inline(always)]
-    fn closest<L: Lanes>(
-        &self,
-        ray: &Ray,
-        mut accept: impl FnMut(&TriangleHit) -> bool,
-    ) -> Option<TriangleHit> {
-        let shear = Shear::new(ray);
+    fn run<L: Lanes>(mut self) -> Self::Output {
+        let mut walk = Walk::<L>::new(self.bvh.tree.as_ref()?, self.ray)?;
+        let shear = Shear::new(self.ray);
+        let mut meetings = Meetings::default();
         let mut best: Option<TriangleHit> = None;
-        self.tree.as_ref()?.nearest::<L>(ray, |leaf, mut t_max| {
-            for hit in hits::<L>(&self.packets[leaf as usize], &shear, t_max) {
+        let mut t_max = self.ray.t_max;
+        while let Some(leaf) = walk.next_nearest(t_max) {
+            let packet = &self.bvh.packets[leaf as usize];
+            let met = L::meet_triangles(packet, &shear, t_max, &mut meetings);
+            for hit in hits(packet, met, &meetings) {
                 let nearer = match best {
                     None => true,
                     Some(best) => (hit.t, hit.triangle) < (best.t, best.triangle),
                 };
-                if nearer && accept(&hit) {
+                if nearer && (self.accept)(&hit) {
                     t_max = hit.t;
                     best = Some(hit);
                 }
             }
-            t_max
-        });
+        }
         best
-    }
-
-    #[inline(always)]
-    fn any<L: Lanes>(&self, ray: &Ray, mut accept: impl FnMut(&TriangleHit) -> bool) -> bool {
-        let Some(tree) = &self.tree else {
-            return false;
-        };
-        let shear = Shear::new(ray);
-        tree.any::<L>(ray, |leaf| {
-            hits::<L>(&self.packets[leaf as usize], &shear, ray.t_max).any(|hit| accept(&hit))
-        })
     }
 }
 
-/// The hits of a packet with `t` in `[t_min, t_max]`.
+/// Whether a ray has an accepted hit.
+pub(super) struct Any<'a, A> {
+    pub bvh: &'a TriangleBvh,
+    pub ray: &'a Ray,
+    pub accept: A,
+}
+
+impl<A: FnMut(&TriangleHit) -> bool> Job for Any<'_, A> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<L: Lanes>(mut self) -> bool {
+        let tree = self.bvh.tree.as_ref();
+        let Some(mut walk) = tree.and_then(|tree| Walk::<L>::new(tree, self.ray)) else {
+            return false;
+        };
+        let shear = Shear::new(self.ray);
+        let mut meetings = Meetings::default();
+        while let Some(leaf) = walk.next_largest(self.ray.t_max) {
+            let packet = &self.bvh.packets[leaf as usize];
+            let met = L::meet_triangles(packet, &shear, self.ray.t_max, &mut meetings);
+            if hits(packet, met, &meetings).any(|hit| (self.accept)(&hit)) {
+                return true;
+            }
+        }
+        false
+    }
+}
+
+/// The hits of the lanes in `met`.
 #[inline(always)]
-fn hits<'a, L: Lanes>(
+fn hits<'a>(
     packet: &'a Packet,
-    shear: &Shear,
-    t_max: f32,
+    met: u32,
+    meetings: &'a Meetings,
 ) -> impl Iterator<Item = TriangleHit> + 'a {
-    let (mut mask, meetings) = L::meet_triangles(packet, shear, t_max);
-    std::iter::from_fn(move || {
-        let lane = mask.trailing_zeros() as usize;
-        mask &= mask.wrapping_sub(1);
-        (lane < LEAF_TRIANGLES).then(|| TriangleHit {
-            t: meetings.t[lane],
-            triangle: packet.ids[lane],
-            u: meetings.u[lane],
-            v: meetings.v[lane],
-        })
+    let lanes = (0..LEAF_TRIANGLES).filter(move |lane| met >> lane & 1 == 1);
+    lanes.map(|lane| TriangleHit {
+        t: meetings.t[lane],
+        triangle: packet.ids[lane],
+        u: meetings.u[lane],
+        v: meetings.v[lane],
     })
 }
 

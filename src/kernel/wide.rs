@@ -1,4 +1,4 @@
-//! The 8-wide tree: how it is made from obvhs's binary one, and the two ways through it.
+//! The 8-wide tree: how it is made from obvhs's binary one, and the walks through it.
 
 use super::{
     simd::{Boxes, Lanes, WIDTH},
@@ -11,6 +11,7 @@ use obvhs::{
     bvh2::{Bvh2, leaf_collapser, reinsertion::ReinsertionOptimizer},
     ploc::{PlocBuilder, PlocSearchDistance, SortPrecision},
 };
+use std::{marker::PhantomData, mem::MaybeUninit};
 
 /// Eight children: their boxes, and what they are.
 #[derive(Debug, Clone)]
@@ -27,19 +28,7 @@ const LEAF: u32 = 1 << 31;
 pub struct WideTree {
     nodes: Vec<Node>,
     bounds: (Vec3A, Vec3A),
-    /// Entries the deepest traversal can have waiting.
-    stack_size: usize,
 }
-
-/// A subtree that waits for its turn: where the ray enters it, and what it is.
-#[derive(Debug, Clone, Copy, Default)]
-struct Waiting {
-    t: f32,
-    child: u32,
-}
-
-/// Traversals of trees up to this need of entries allocate nothing; others are rare and degenerate.
-const USUAL_STACK: usize = 256;
 
 impl WideTree {
     /// A tree over `boxes` (finite, not inverted, at least one). `new_leaf` is called with the
@@ -51,11 +40,9 @@ impl WideTree {
     ) -> Self {
         let binary = build_binary(boxes, leaf_size);
         let mut nodes = Vec::with_capacity(binary.nodes.len() / 3 + 1);
-        let mut depth = 0;
         // Depth first, so that a subtree is one stretch of memory.
-        let mut todo = vec![(0, 1, None)];
-        while let Some((root, level, parent)) = todo.pop() {
-            depth = depth.max(level);
+        let mut todo = vec![(0, None)];
+        while let Some((root, parent)) = todo.pop() {
             let index = nodes.len();
             if let Some((parent, slot)) = parent {
                 let parent: &mut Node = &mut nodes[parent];
@@ -73,7 +60,7 @@ impl WideTree {
                     let members = first..first + source.prim_count as usize;
                     node.children[slot] = LEAF | new_leaf(&binary.primitive_indices[members]);
                 } else {
-                    todo.push((child, level + 1, Some((index, slot))));
+                    todo.push((child, Some((index, slot))));
                 }
             }
             nodes.push(node);
@@ -82,7 +69,6 @@ impl WideTree {
         Self {
             nodes,
             bounds: (root.min, root.max),
-            stack_size: depth * (WIDTH - 1) + 1,
         }
     }
 
@@ -94,92 +80,170 @@ impl WideTree {
     pub fn memory_bytes(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>()
     }
+}
 
-    /// Visits the leaves the ray meets, the nearer subtree first, until none is left that it
-    /// enters by `t_max`. `visit(leaf, t_max)` returns the new `t_max`.
+/// A walk through the leaves of a tree that one ray meets.
+pub struct Walk<'a, L> {
+    nodes: &'a [Node],
+    slabs: Slabs,
+    waiting: Stack,
+    lanes: PhantomData<L>,
+}
+
+impl<'a, L: Lanes> Walk<'a, L> {
+    /// None when the ray cannot meet anything.
     #[inline(always)]
-    pub fn nearest<L: Lanes>(&self, ray: &Ray, mut visit: impl FnMut(u32, f32) -> f32) {
-        let Some(slabs) = Slabs::new(ray, self.bounds) else {
-            return;
-        };
-        let mut t_max = ray.t_max;
-        self.with_stack(|stack| {
-            let mut waiting = 1;
-            stack[0] = Waiting {
-                t: f32::NEG_INFINITY,
-                child: 0,
-            };
-            while waiting > 0 {
-                waiting -= 1;
-                let Waiting { t, child } = stack[waiting];
-                if t > t_max {
-                    continue;
-                }
-                if child & LEAF != 0 {
-                    t_max = visit(child & !LEAF, t_max);
-                    continue;
-                }
-                let node = &self.nodes[child as usize];
-                let (mut mask, entry) = L::meet_boxes(&node.boxes, &slabs, t_max);
-                let first = waiting;
-                while mask != 0 {
-                    let slot = mask.trailing_zeros() as usize;
-                    mask &= mask - 1;
-                    let new = Waiting {
-                        t: entry[slot],
-                        child: node.children[slot],
-                    };
-                    // Insertion sort: the nearest on top.
-                    let mut place = waiting;
-                    while place > first && stack[place - 1].t < new.t {
-                        stack[place] = stack[place - 1];
-                        place -= 1;
-                    }
-                    stack[place] = new;
-                    waiting += 1;
-                }
-            }
+    pub fn new(tree: &'a WideTree, ray: &Ray) -> Option<Self> {
+        let slabs = Slabs::new(ray, tree.bounds)?;
+        let mut waiting = Stack::new();
+        waiting.push(Waiting {
+            t: ray.t_min,
+            child: 0,
         });
-    }
-
-    /// Visits the leaves the ray meets, the larger subtree first, until `visit` returns true;
-    /// whether it did.
-    #[inline(always)]
-    pub fn any<L: Lanes>(&self, ray: &Ray, mut visit: impl FnMut(u32) -> bool) -> bool {
-        let Some(slabs) = Slabs::new(ray, self.bounds) else {
-            return false;
-        };
-        self.with_stack(|stack| {
-            let mut waiting = 1;
-            stack[0].child = 0;
-            while waiting > 0 {
-                waiting -= 1;
-                let child = stack[waiting].child;
-                if child & LEAF != 0 {
-                    if visit(child & !LEAF) {
-                        return true;
-                    }
-                    continue;
-                }
-                let node = &self.nodes[child as usize];
-                let (mut mask, _) = L::meet_boxes(&node.boxes, &slabs, ray.t_max);
-                while mask != 0 {
-                    stack[waiting].child = node.children[mask.trailing_zeros() as usize];
-                    mask &= mask - 1;
-                    waiting += 1;
-                }
-            }
-            false
+        Some(Self {
+            nodes: &tree.nodes,
+            slabs,
+            waiting,
+            lanes: PhantomData,
         })
     }
 
+    /// The next leaf that the ray enters by `t_max`, the nearer subtree first.
     #[inline(always)]
-    fn with_stack<T>(&self, traverse: impl FnOnce(&mut [Waiting]) -> T) -> T {
-        if self.stack_size <= USUAL_STACK {
-            traverse(&mut [Waiting::default(); USUAL_STACK])
-        } else {
-            traverse(&mut vec![Waiting::default(); self.stack_size])
+    pub fn next_nearest(&mut self, t_max: f32) -> Option<u32> {
+        let mut entry = [0.0; WIDTH];
+        'next: loop {
+            let Waiting { t, mut child } = self.waiting.pop()?;
+            if t > t_max {
+                continue;
+            }
+            while child & LEAF == 0 {
+                let node = &self.nodes[child as usize];
+                let mut mask = L::meet_boxes(&node.boxes, &self.slabs, t_max, &mut entry);
+                let Some(slot) = pop_bit(&mut mask) else {
+                    continue 'next;
+                };
+                let of = |slot: usize| Waiting {
+                    t: entry[slot],
+                    child: node.children[slot],
+                };
+                let mut nearest = of(slot);
+                let others = self.waiting.len;
+                while let Some(slot) = pop_bit(&mut mask) {
+                    let new = of(slot);
+                    let (near, far) = if new.t < nearest.t {
+                        (new, nearest)
+                    } else {
+                        (nearest, new)
+                    };
+                    self.waiting.insert(others, far);
+                    nearest = near;
+                }
+                child = nearest.child;
+            }
+            return Some(child & !LEAF);
         }
+    }
+
+    /// The next leaf that the ray enters by `t_max`, the larger subtree first: it is the likelier
+    /// one to hold some hit.
+    #[inline(always)]
+    pub fn next_largest(&mut self, t_max: f32) -> Option<u32> {
+        let mut entry = [0.0; WIDTH];
+        'next: loop {
+            let mut child = self.waiting.pop()?.child;
+            while child & LEAF == 0 {
+                let node = &self.nodes[child as usize];
+                let mut mask = L::meet_boxes(&node.boxes, &self.slabs, t_max, &mut entry);
+                let Some(slot) = pop_bit(&mut mask) else {
+                    continue 'next;
+                };
+                child = node.children[slot];
+                while let Some(slot) = pop_bit(&mut mask) {
+                    self.waiting.push(Waiting { t: 0.0, child });
+                    child = node.children[slot];
+                }
+            }
+            return Some(child & !LEAF);
+        }
+    }
+}
+
+/// The index of the lowest bit, which is cleared.
+#[inline(always)]
+fn pop_bit(mask: &mut u32) -> Option<usize> {
+    let bit = mask.trailing_zeros() as usize;
+    *mask &= mask.wrapping_sub(1);
+    (bit < 32).then_some(bit)
+}
+
+/// A subtree that waits for its turn: where the ray enters it, and what it is.
+#[derive(Debug, Clone, Copy)]
+struct Waiting {
+    t: f32,
+    child: u32,
+}
+
+/// A stack that is not cleared before use, which would take a tenth of a ray's time.
+struct Stack {
+    len: usize,
+    usual: [MaybeUninit<Waiting>; USUAL_STACK],
+    /// What does not fit into `usual`.
+    rest: Vec<Waiting>,
+}
+
+/// Enough for trees of any size; only very uneven ones need more.
+const USUAL_STACK: usize = 192;
+
+impl Stack {
+    #[inline(always)]
+    fn new() -> Self {
+        Self {
+            len: 0,
+            usual: [const { MaybeUninit::uninit() }; USUAL_STACK],
+            rest: Vec::new(),
+        }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, new: Waiting) {
+        if let Some(place) = self.usual.get_mut(self.len) {
+            place.write(new);
+        } else {
+            self.rest.push(new);
+        }
+        self.len += 1;
+    }
+
+    #[inline(always)]
+    fn pop(&mut self) -> Option<Waiting> {
+        self.len = self.len.checked_sub(1)?;
+        match self.usual.get(self.len) {
+            // SAFETY: entries below `len` have been written, by `push` or `insert`.
+            Some(entry) => Some(unsafe { entry.assume_init() }),
+            None => self.rest.pop(),
+        }
+    }
+
+    /// Pushes, keeping the entries from `first` on sorted with the nearest on top. (Not beyond
+    /// the usual size, where order, which only saves time, is given up.)
+    #[inline(always)]
+    fn insert(&mut self, first: usize, new: Waiting) {
+        let mut place = self.len;
+        self.push(new);
+        if self.len > USUAL_STACK {
+            return;
+        }
+        while place > first {
+            // SAFETY: `place <= len - 1`, and entries below `len` have been written.
+            let below = unsafe { self.usual[place - 1].assume_init() };
+            if below.t >= new.t {
+                break;
+            }
+            self.usual[place].write(below);
+            place -= 1;
+        }
+        self.usual[place].write(new);
     }
 }
 
