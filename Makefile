@@ -60,7 +60,7 @@ test-blender: extension $(BPY_NEW)/.ready ## the installed extension in the real
 extension: build/extension.ready ## dist/dualcone-VERSION-PLATFORM.zip for this platform
 
 extension-all: $(TOOLS)/.ready ## the same for all five platforms, cross-built
-	$(PYTHON) scripts/build_all.py
+	$(TOOLS)/bin/python scripts/build_all.py
 
 bench-paper: $(BPY_NEW)/.ready build/site/.ready ## Table 1 and Figure 3 of the paper, measured again
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/bench_paper.py

@@ -11,7 +11,7 @@ const LAYERS: &[&[&str]] = &[
     &["error", "contract", "math", "kernel"],
     &["scene", "film"],
     &["accel", "sampling", "record"],
-    &["path"],
+    &["progress", "surface", "path"],
     &["reuse"],
     &["render"],
     &["python"],

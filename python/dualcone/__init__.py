@@ -1,14 +1,11 @@
-"""The renderer behind the DualCone extension for Blender."""
+"""The renderer behind the DualCone extension: numpy arrays in, numpy arrays out.
 
-from dualcone._core import (
-    Image,
-    Mesh,
-    Render,
-    SceneFrame,
-    __version__,
-    contract,
-    window_frames,
-)
+`contract()` lists every array and every setting that may be handed over, with shapes, units and
+spaces. A `Mesh` or `Image` is checked once and then shared by all frames that show it; a
+`SceneFrame` is one frame of the animation; a `Render` works in the background and is polled.
+"""
+
+from ._core import Image, Mesh, Render, SceneFrame, __version__, contract, window_frames
 
 __all__ = [
     "Image",

@@ -1,13 +1,14 @@
-"""`python -m dualcone --version`."""
+"""`python -m dualcone --version`: shows that the wheel works, without Blender."""
 
 import argparse
 
-import dualcone
+from . import __version__
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m dualcone", description=dualcone.__doc__)
-    parser.add_argument("--version", action="version", version=f"DualCone {dualcone.__version__}")
+    """Read the command line."""
+    parser = argparse.ArgumentParser(prog="dualcone", description="The renderer of DualCone.")
+    parser.add_argument("--version", action="version", version=f"dualcone {__version__}")
     parser.parse_args()
     parser.print_help()
 

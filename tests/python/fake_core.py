@@ -11,8 +11,9 @@ import time
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import dualcone
 import numpy as np
+
+import dualcone
 
 __version__ = dualcone.__version__
 contract = dualcone.contract
