@@ -644,7 +644,7 @@ def ground(rng: Rng, low: str = "#6e604e", high: str = "#bca98a") -> None:
     plane.add(
         [(-150, -150, 0), (150, -150, 0), (150, 150, 0), (-150, 150, 0)], [range(4)], material
     )
-    plane.to_object(closed=False, uv_metres=12.0)
+    plane.to_object(closed=False, uv_metres=8.0)
 
 
 def puddles() -> None:
