@@ -15,16 +15,17 @@ pub struct PixelFilter {
 }
 
 impl PixelFilter {
-    /// The filter of a kind, `width` pixels wide. A box is one pixel wide, as in Cycles.
+    /// The filter of a kind and Blender's filter width [pixel]. As in Cycles a box is one pixel
+    /// wide, the others fade out at 3 and 2 times the width.
     pub fn new(kind: Filter, width: f32) -> Self {
-        let half = if kind == Filter::Box {
-            0.5
-        } else {
-            0.5 * width
+        let half = match kind {
+            Filter::Box => 0.5,
+            Filter::Gaussian => 1.5 * width,
+            Filter::BlackmanHarris => width,
         };
         let density = |x: f32| match kind {
             Filter::Box => 1.0,
-            // Three standard deviations of the half width, the shape that Cycles uses.
+            // Six standard deviations to the end, the shape that Cycles uses.
             Filter::Gaussian => (-2.0 * (3.0 * x / half).powi(2)).exp(),
             Filter::BlackmanHarris => blackman_harris(x / (2.0 * half) + 0.5),
         };
@@ -80,10 +81,10 @@ mod tests {
     fn samples_have_the_moments_of_the_filter() {
         for (kind, width, variance) in [
             (Filter::Box, 1.0, 1.0 / 12.0),
-            // The standard deviation is a twelfth of the width.
-            (Filter::Gaussian, 1.5, 1.5f64.powi(2) / 144.0),
+            // The standard deviation is a quarter of the width.
+            (Filter::Gaussian, 1.5, 1.5f64.powi(2) / 16.0),
             // By quadrature of x^2 under the window in double precision.
-            (Filter::BlackmanHarris, 1.5, 0.043_164_62),
+            (Filter::BlackmanHarris, 1.5, 0.172_658_5),
         ] {
             let filter = PixelFilter::new(kind, width);
             let n = 100_000;
