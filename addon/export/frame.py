@@ -56,6 +56,7 @@ def export_frame(
     materials = MaterialTable(images, warnings)
     lights = LightTable(warnings)
     instances = InstanceTable(depsgraph, cache, core, materials, lights, warnings, should_stop)
+    cache.begin_frame(depsgraph)
     instances.read()
     world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
     arrays |= instances.arrays() | materials.arrays() | lights.arrays()

@@ -123,7 +123,7 @@ class InstanceTable:
         content = hashlib.blake2b(self._name(owner), digest_size=8)
         if item.is_instance:
             content.update(self._name(item.parent))
-            content.update(array("i", item.persistent_id))
+            content.update(array("i", item.persistent_id[:]))
         key = int.from_bytes(content.digest(), "little")
         while key in self._keys:
             key = (key + 1) % 2**64
@@ -155,7 +155,7 @@ class InstanceTable:
             return None
         self._check(owner)
         try:
-            mesh = self._load_mesh(owner)
+            mesh = self._mesh(owner)
         except NotFinite:
             self.warnings.add(owner.name, "has vertices that are not numbers and is left out")
             return None
@@ -165,6 +165,15 @@ class InstanceTable:
         if row == len(self.meshes):
             self.meshes.append(mesh)
         return Shape(owner.name, row, self._slots(owner, mesh))
+
+    def _mesh(self, owner: bpy.types.Object) -> CachedMesh | None:
+        """The mesh of an evaluated object, read only if it may have changed."""
+        entry = self.cache.evaluated(owner)
+        if entry is not None:
+            return entry.mesh
+        mesh = self._load_mesh(owner)
+        self.cache.remember(owner, mesh)
+        return mesh
 
     def _load_mesh(self, owner: bpy.types.Object) -> CachedMesh | None:
         # In edit mode the evaluated mesh has no attributes, only the edited BMesh behind it.

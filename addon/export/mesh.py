@@ -49,7 +49,7 @@ def load_mesh(mesh: bpy.types.Mesh, cache: ExportCache, core: Any) -> CachedMesh
     faces = read_faces(mesh)
     cache.statistics.meshes_read += 1
     digest = faces.digest()
-    cached = cache.mesh(digest)
+    cached = cache.meshes.get(digest)
     if cached is None:
         for array in (faces.positions, faces.corner_normals, faces.corner_uvs):
             if not np.isfinite(array).all():

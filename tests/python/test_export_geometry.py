@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -354,6 +355,91 @@ def test_an_unchanged_mesh_is_handed_over_once() -> None:
     shared = [mesh for mesh in first.meshes if any(mesh is other for other in third.meshes)]
     assert len(shared) == 2
     assert len({f.content_hash for f in (first, second, third)}) == 3
+
+
+def test_a_mesh_that_blender_did_not_evaluate_again_is_not_read_again() -> None:
+    still = add_mesh("Still")
+    add_object("Twin", still.data, location=(0, 0, 3))
+    waves = add_waves()
+    animate(still, "location", {1: 0.0, 7: 1.0}, index=0)
+    cache = export.ExportCache()
+    frames = export_in_render(FRAMES, cache=cache)
+    assert cache.statistics.meshes_read == 1 + len(FRAMES)
+    assert [len(frame.meshes) for frame in frames] == [2] * len(FRAMES)
+    waves.modifiers.clear()
+    export_in_render(FRAMES, cache=cache)
+    assert cache.statistics.meshes_read == 1 + len(FRAMES) + 2
+
+
+def test_a_cache_never_shows_what_was(tmp_path: Path) -> None:
+    """Frames in any order, with and without a cache, are the same to the bit."""
+    frames = (1, 7, 4, 7, 2, 3, 1, 6, 5)
+    add_waves()
+    hidden = add_waves()
+    for frame, is_hidden in ((1, False), (3, True), (6, False)):
+        hidden.hide_render = is_hidden
+        hidden.keyframe_insert("hide_render", frame=frame)
+    for add in (add_curve, add_text, add_metaball, add_surface):
+        owner = add()
+        animate(owner, "location", {1: 0.0, 7: 1.0}, index=0)
+    animate(bpy.data.curves["Curve"], "bevel_depth", {1: 0.1, 7: 0.3})
+    animate(bpy.data.curves["Text"], "extrude", {1: 0.1, 4: 0.1, 7: 0.2})
+    tree, output = instance_on_points(
+        lambda tree: tree.nodes.new("GeometryNodeMeshCube").outputs[0]
+    )
+    time = tree.nodes.new("GeometryNodeInputSceneTime")
+    cube = next(n for n in tree.nodes if n.bl_idname == "GeometryNodeMeshCube")
+    tree.links.new(time.outputs["Seconds"], cube.inputs["Size"])
+    assert output
+    cached = export_in_render(frames)
+    for frame in cached:
+        (alone,) = export_in_render((frame.frame,))
+        assert alone.content_hash == frame.content_hash, frame.frame
+
+
+def test_an_edit_between_two_evaluations_is_not_missed() -> None:
+    """Blender itself remembers the changes of the latest evaluation only."""
+    owner = add_mesh()
+    cache = export.ExportCache()
+    before = export_now(cache)
+    owner.data.vertices[0].co.z = 5.0
+    owner.data.update()
+    scene().view_layers[0].update()
+    scene().frame_set(2)
+    after = export_now(cache)
+    assert before.meshes[0].vertices[0, 2] == 0.0
+    assert after.meshes[0].vertices[0, 2] == 5.0
+
+
+def test_another_object_with_the_same_mesh_is_not_missed() -> None:
+    """A new mesh may take the memory of one that is gone."""
+    cache = export.ExportCache()
+    for step in range(20):
+        owner = add_mesh(f"Mesh {step}", size=1.0 + step)
+        frame = export_now(cache)
+        assert frame.meshes[0].vertices.max() == 2.0 * (1.0 + step)
+        mesh = owner.data
+        bpy.data.objects.remove(owner)
+        bpy.data.meshes.remove(mesh)
+
+
+def test_the_handlers_go_with_the_last_cache() -> None:
+    gc.collect()  # the engine classes of earlier tests hold caches in cycles
+    handlers = bpy.app.handlers.frame_change_post
+    before = len(handlers)
+    first, second = export.ExportCache(), export.ExportCache()
+    assert len(handlers) == before + 1
+    del first
+    assert len(handlers) == before + 1
+    del second
+    assert len(handlers) == before
+
+
+def test_meshes_that_are_not_used_are_let_go() -> None:
+    add_waves()
+    cache = export.ExportCache()
+    export_in_render(range(1, 81), cache=cache)
+    assert len(cache.meshes) <= 34
 
 
 def test_the_same_scene_has_the_same_hash_and_another_has_not() -> None:
