@@ -98,9 +98,10 @@ impl Prepared {
     fn new(frame: &SceneFrame, previous: Option<&Self>) -> Self {
         let accel = Accel::build(frame);
         let (lower, upper) = accel.bounds().unwrap_or((Vec3A::ZERO, Vec3A::ONE));
+        let lights = LightSampler::build(frame, previous.map(|p| &p.lights));
         Self {
-            lights: LightSampler::build(frame, previous.map(|p| &p.lights)),
-            light_tree: LightTree::build(&frame.world),
+            light_tree: LightTree::build(&frame.world, |direction| lights.is_sun(direction)),
+            lights,
             see_through: frame.materials.iter().any(Material::is_see_through),
             scene_size: (upper - lower).length(),
             accel,

@@ -258,7 +258,10 @@ fn gather_diffuse(
         iteration,
     );
     sample.distance = Some(gathered.distance);
-    let class = Class::of(&gathered, || view.light_tree.leaf(direction).tan_beta);
+    let class = Class::of(&gathered, || match view.tracer.lights.is_sun(direction) {
+        true => 0.0,
+        false => view.light_tree.leaf(direction).tan_beta,
+    });
     let (lent, own) = match class {
         Class::Own => (Vec3A::ZERO, gathered.sum()),
         Class::Indirect => (gathered.indirect, gathered.lamps),

@@ -328,6 +328,12 @@ impl Emitter for ImageSun {
         distant(&self.world, direction, pdf, LightClass::Sun)
     }
 
+    fn is_sun(&self, direction: Vec3A) -> bool {
+        let (direction, _) = self.mapping.environment(direction);
+        let sun = self.tables.sun.as_ref();
+        sun.is_some_and(|sun| sun.pdf(direction) > 0.0)
+    }
+
     fn pdf_of_direction(&self, _: &Receiver, direction: Vec3A) -> f32 {
         let (direction, stretch) = self.mapping.environment(direction);
         let sun = self.tables.sun.as_ref();

@@ -111,6 +111,11 @@ trait Emitter: Send + Sync {
         0.0
     }
 
+    /// Whether this is the sun of the surroundings and shines from this direction.
+    fn is_sun(&self, _direction: Vec3A) -> bool {
+        false
+    }
+
     /// Whether camera rays see the lamp.
     fn camera_visible(&self) -> bool {
         false
@@ -200,6 +205,12 @@ impl LightSampler {
     /// Radiance of the surroundings, their sun included, lamps not.
     pub fn environment_radiance(&self, direction: Vec3A) -> Vec3A {
         self.world.radiance(direction)
+    }
+
+    /// Whether the surroundings' sun, which is a light apart from their sky, is in this direction.
+    pub fn is_sun(&self, direction: Vec3A) -> bool {
+        let mut environment = self.lights[self.environment.clone()].iter();
+        environment.any(|light| light.is_sun(direction))
     }
 
     /// Density [1/sr] with which [`LightSampler::sample`] draws this direction from the
