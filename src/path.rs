@@ -12,7 +12,7 @@ use glam::Vec3A;
 use crate::accel::{Accel, Hit};
 use crate::contract::Settings;
 use crate::math::Ray;
-use crate::sampling::{Bsdf, LightSampler, LobePdfs, LobeValues, Part, Sampler};
+use crate::sampling::{Bsdf, LightSample, LightSampler, LobePdfs, LobeValues, Part, Sampler};
 use crate::scene::SceneFrame;
 use crate::surface::{self, Surface};
 
@@ -288,16 +288,37 @@ impl<'a> Tracer<'a> {
         sampler: &Sampler,
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
+        self.light_sample(surface, vertex, sampler)
+            .map_or(LobeValues::default(), |light| {
+                self.lit_by(&light, surface, vertex, sampler, pdfs)
+            })
+    }
+
+    /// A direction towards a light, not yet tested for visibility.
+    pub fn light_sample(
+        &self,
+        surface: &Surface,
+        vertex: u32,
+        sampler: &Sampler,
+    ) -> Option<LightSample> {
         let numbers = sampler.light(vertex);
-        let light = self.lights.sample(
+        self.lights.sample(
             surface.position,
             surface.normal,
             numbers.choice,
             numbers.direction,
-        );
-        let Some(light) = light else {
-            return LobeValues::default();
-        };
+        )
+    }
+
+    /// What a light sample contributes; see [`Tracer::direct`].
+    pub fn lit_by(
+        &self,
+        light: &LightSample,
+        surface: &Surface,
+        vertex: u32,
+        sampler: &Sampler,
+        pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
+    ) -> LobeValues {
         let (values, own) = surface.bsdf.eval(light.direction);
         if values.sum() == Vec3A::ZERO {
             return LobeValues::default();
