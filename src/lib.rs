@@ -31,3 +31,5 @@ pub mod reuse;
 pub mod render;
 #[cfg(feature = "python")]
 mod python;
+#[cfg(test)]
+mod testing;

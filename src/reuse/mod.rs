@@ -6,6 +6,7 @@
 
 mod dual_cone;
 mod light_tree;
+mod paper;
 mod plain;
 
 pub use light_tree::LightTree;
@@ -201,6 +202,6 @@ pub fn with_estimator<W: WithEstimator>(settings: &Settings, work: W) -> W::Outp
     match settings.method {
         Method::Path => work.run(&plain::Plain),
         Method::DualCone => work.run(&dual_cone::DualCone::new(settings)),
-        Method::Paper => work.run(&plain::Plain),
+        Method::Paper => work.run(&paper::Paper::new(settings)),
     }
 }
