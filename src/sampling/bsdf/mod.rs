@@ -27,8 +27,9 @@ use fresnel::{Curve, f0_from_ior, ior_from_f0};
 pub use lobe::ALPHA_MIN;
 use lobe::Lobe;
 
-/// GGX lobes a surface may have; Mix Shaders of more than this share the last one's roughness.
-pub const MAX_LOBES: usize = 8;
+/// GGX lobes a surface may have: two Principled BSDFs, mixed. Further ones share the roughness of
+/// the last; each place costs time at every hit.
+pub const MAX_LOBES: usize = 4;
 
 /// Principled BSDF after its textures.
 #[derive(Debug, Clone, Copy)]

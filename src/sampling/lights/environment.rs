@@ -17,6 +17,11 @@ use crate::math::{Frame, luminance};
 use crate::sampling::discrete::Discrete;
 use crate::scene::{Image, World};
 
+/// Columns of the sky's grid at most: half a megabyte for each of its tables stays in the cache,
+/// and a finer grid lowers the noise no further once the sun is apart.
+const SKY_WIDTH: usize = 512;
+/// Columns of the grid in which the sun is sought: a fifth of its disk for each cell.
+const SUN_WIDTH: usize = 4096;
 /// A sun's cells are at least this share of the brightest cell: its glow in hazy air is sky.
 const SUN_EDGE: f32 = 1.0 / 64.0;
 /// ... and this many times the mean of the whole image: what is dimmer needs no light of its own.
@@ -51,54 +56,87 @@ struct SunTable {
 
 impl ImageTables {
     pub(super) fn new(image: &Arc<Image>) -> Self {
-        let (grid, side) = Grid::for_image(image);
-        let luminances = cell_luminances(image, grid, side);
-        let mut energies: Vec<f32> = luminances
-            .iter()
-            .enumerate()
-            .map(|(cell, luminance)| luminance * grid.solid_angle(cell / grid.width))
-            .collect();
-        let sun = SunTable::find(grid, &luminances, &energies);
-        if let Some(sun) = &sun {
-            for &cell in &sun.cells {
-                energies[cell as usize] = 0.0;
-            }
+        let (width, height) = image.size();
+        let texels = Grid { width, height };
+        let sky_grid = texels.coarser(width.div_ceil(SKY_WIDTH));
+        // The sun's cells divide those of the sky, so that the two share the sphere exactly.
+        let division = (width.min(SUN_WIDTH) / sky_grid.width).min(height / sky_grid.height);
+        let fine = Cells::of_image(image, sky_grid.finer(division));
+        let sun = SunTable::find(&fine, division);
+        let mut sky = vec![0.0; sky_grid.cells()];
+        for (cell, energy) in fine.energies.iter().enumerate() {
+            sky[fine.grid.parent(cell, division)] += energy;
         }
-        let sky_energy: f64 = energies.iter().copied().map(f64::from).sum();
+        for &cell in sun.iter().flat_map(|sun| &sun.cells) {
+            sky[fine.grid.parent(cell as usize, division)] = 0.0;
+        }
+        let sky_energy: f64 = sky.iter().copied().map(f64::from).sum();
         Self {
             image: image.clone(),
-            sky: CellTable::new(grid, &energies),
+            sky: CellTable::new(sky_grid, &sky),
             sun,
             sky_mean: sky_energy as f32 / (4.0 * PI),
         }
     }
 }
 
-/// Mean luminance of each cell of the bilinearly filtered image.
-///
-/// The mean over a texel of a bilinear blend weighs the texel and its neighbours 6 : 1 : 1 along
-/// each axis, so that no lit direction lies in a cell without weight.
-fn cell_luminances(image: &Image, grid: Grid, side: usize) -> Vec<f32> {
-    let (width, height) = image.size();
-    let texel = |x, y| luminance(Vec3A::from_vec4(image.texel(x, y)).max(Vec3A::ZERO));
-    let across = |x: usize, y: usize| {
-        let (left, right) = ((x + width - 1) % width, (x + 1) % width);
-        (texel(left, y) + 6.0 * texel(x, y) + texel(right, y)) / 8.0
-    };
-    let mut luminances = vec![0.0; grid.cells()];
-    for y in 0..grid.height * side {
-        let (below, above) = (y.saturating_sub(1), (y + 1).min(height - 1));
-        for x in 0..grid.width * side {
-            let mean = (across(x, below) + 6.0 * across(x, y) + across(x, above)) / 8.0;
-            luminances[y / side * grid.width + x / side] += mean / (side * side) as f32;
+/// An image's light, cell by cell.
+struct Cells {
+    grid: Grid,
+    luminances: Vec<f32>,
+    /// Luminance times solid angle.
+    energies: Vec<f32>,
+}
+
+impl Cells {
+    /// Means over the cells of the bilinearly filtered image.
+    ///
+    /// The mean over a texel of a bilinear blend weighs the texel and its neighbours 6 : 1 : 1
+    /// along each axis, so that no lit direction lies in a cell without weight.
+    fn of_image(image: &Image, grid: Grid) -> Self {
+        let (width, height) = image.size();
+        let texel = |x, y| luminance(Vec3A::from_vec4(image.texel(x, y)).max(Vec3A::ZERO));
+        let across = |x: usize, y: usize| {
+            let (left, right) = ((x + width - 1) % width, (x + 1) % width);
+            (texel(left, y) + 6.0 * texel(x, y) + texel(right, y)) / 8.0
+        };
+        let mut luminances = vec![0.0; grid.cells()];
+        let mut texels = vec![0u32; grid.cells()];
+        for y in 0..height {
+            let (below, above) = (y.saturating_sub(1), (y + 1).min(height - 1));
+            let row = y * grid.height / height * grid.width;
+            for x in 0..width {
+                let mean = (across(x, below) + 6.0 * across(x, y) + across(x, above)) / 8.0;
+                let cell = row + x * grid.width / width;
+                luminances[cell] += mean;
+                texels[cell] += 1;
+            }
+        }
+        for (luminance, &texels) in luminances.iter_mut().zip(&texels) {
+            *luminance /= texels as f32;
+        }
+        let solid_angles = (0..grid.cells()).map(|cell| grid.solid_angle(cell / grid.width));
+        Self {
+            energies: luminances
+                .iter()
+                .zip(solid_angles)
+                .map(|(l, s)| l * s)
+                .collect(),
+            grid,
+            luminances,
         }
     }
-    luminances
 }
 
 impl SunTable {
-    /// The image's sun, if it has one.
-    fn find(grid: Grid, luminances: &[f32], energies: &[f32]) -> Option<Self> {
+    /// The image's sun, if it has one, filled up to whole cells of the sky's grid, of which each
+    /// holds `division` x `division` of these cells.
+    fn find(fine: &Cells, division: usize) -> Option<Self> {
+        let Cells {
+            grid,
+            luminances,
+            energies,
+        } = fine;
         let total: f64 = energies.iter().copied().map(f64::from).sum();
         let mean = total as f32 / (4.0 * PI);
         let (peak, &brightest) = luminances
@@ -109,13 +147,14 @@ impl SunTable {
         if !(brightest > threshold) {
             return None;
         }
-        let cells = grown_region(grid, peak, |cell| luminances[cell] > threshold)?;
+        let region = grown_region(*grid, peak, |cell| luminances[cell] > threshold)?;
+        let cells = filled_up(*grid, &region, division);
         let energy = |cell: &u32| energies[*cell as usize];
         let irradiance: f32 = cells.iter().map(energy).sum();
         let toward = |cell: &u32| energy(cell) * grid.direction(*cell as usize, [0.5, 0.5]);
         (f64::from(irradiance) > f64::from(SUN_SHARE) * total).then_some(())?;
         Some(Self {
-            grid,
+            grid: *grid,
             choice: Discrete::new(cells.iter().map(energy))?,
             direction: cells
                 .iter()
@@ -162,6 +201,27 @@ fn grown_region(grid: Grid, start: usize, bright: impl Fn(usize) -> bool) -> Opt
         }
     }
     Some(region.into_iter().collect())
+}
+
+/// All cells of the coarser cells that a region touches, in rising order.
+fn filled_up(grid: Grid, region: &[u32], division: usize) -> Vec<u32> {
+    let parents = region
+        .iter()
+        .map(|&cell| grid.parent(cell as usize, division));
+    let mut parents: Vec<usize> = parents.collect();
+    parents.sort_unstable();
+    parents.dedup();
+    let columns = grid.width / division;
+    let mut cells: Vec<u32> = parents
+        .into_iter()
+        .flat_map(|parent| {
+            let corner = parent / columns * division * grid.width + parent % columns * division;
+            (0..division * division)
+                .map(move |i| (corner + i / division * grid.width + i % division) as u32)
+        })
+        .collect();
+    cells.sort_unstable();
+    cells
 }
 
 /// The up to eight neighbours of a cell; columns wrap around.

@@ -6,12 +6,7 @@ use std::f32::consts::{PI, TAU};
 use glam::{Vec2, Vec3A};
 
 use crate::sampling::discrete::{Discrete, step};
-use crate::scene::Image;
 use crate::scene::world::uv_of_direction;
-
-/// Widest grid: finer images are averaged down to it. At 4096 columns a cell is a fifth of the
-/// sun's disk, and a grid takes 33 MB.
-const WIDTH_MAX: usize = 4096;
 
 /// Shape of a grid. Row 0 is at the bottom, around -Z.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,15 +16,26 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// The grid for an image, and how many texels make a cell's side.
-    pub(super) fn for_image(image: &Image) -> (Self, usize) {
-        let (width, height) = image.size();
-        let side = width.div_ceil(WIDTH_MAX).min(height).max(1);
-        let grid = Self {
-            width: width / side,
-            height: height / side,
-        };
-        (grid, side)
+    /// The grid in which blocks of `side` x `side` cells, or what is left of them, are one.
+    pub(super) fn coarser(&self, side: usize) -> Self {
+        Self {
+            width: (self.width / side).max(1),
+            height: (self.height / side).max(1),
+        }
+    }
+
+    /// The grid in which each cell is divided into `side` x `side`.
+    pub(super) fn finer(&self, side: usize) -> Self {
+        Self {
+            width: self.width * side,
+            height: self.height * side,
+        }
+    }
+
+    /// The cell of the coarser grid, of `division` x `division` cells each, that holds this one.
+    pub(super) fn parent(&self, cell: usize, division: usize) -> usize {
+        let (row, column) = (cell / self.width, cell % self.width);
+        row / division * (self.width / division) + column / division
     }
 
     pub(super) fn cells(&self) -> usize {
@@ -60,7 +66,10 @@ impl Grid {
     /// A direction in a cell, uniform in solid angle.
     pub(super) fn direction(&self, cell: usize, u: [f32; 2]) -> Vec3A {
         let (row, column) = (cell / self.width, cell % self.width);
-        let (low, high) = (self.edge(row), self.edge(row + 1));
+        self.direction_between([self.edge(row), self.edge(row + 1)], column, u)
+    }
+
+    fn direction_between(&self, [low, high]: [f32; 2], column: usize, u: [f32; 2]) -> Vec3A {
         let z = low + u[1] * (high - low);
         let azimuth = (0.5 - (column as f32 + u[0]) / self.width as f32) * TAU;
         let ring = Vec2::from_angle(azimuth) * (1.0 - z * z).max(0.0).sqrt();
@@ -72,49 +81,53 @@ impl Grid {
 #[derive(Debug)]
 pub(super) struct CellTable {
     grid: Grid,
+    /// z of the edges between rows.
+    edges: Vec<f32>,
     rows: Discrete,
     /// A cumulative distribution of `width + 1` steps for each row.
     columns: Vec<f32>,
+    /// Density [1/sr] of each cell's directions: exactly what the distributions draw.
+    densities: Vec<f32>,
 }
 
 impl CellTable {
     /// A table of these weights, one for each cell; `None` if all are zero.
     pub(super) fn new(grid: Grid, weights: &[f32]) -> Option<Self> {
-        let rows = weights.chunks(grid.width);
-        let sums = rows.clone().map(|row| row.iter().sum());
-        let zeros = vec![0.0; grid.width + 1];
+        let rows = Discrete::new(weights.chunks(grid.width).map(|row| row.iter().sum()))?;
+        let stride = grid.width + 1;
+        let mut columns = Vec::with_capacity(stride * grid.height);
+        let mut densities = Vec::with_capacity(grid.cells());
+        for (row, weights) in weights.chunks(grid.width).enumerate() {
+            match Discrete::new(weights.iter().copied()) {
+                Some(discrete) => columns.extend_from_slice(discrete.cumulative()),
+                None => columns.resize(columns.len() + stride, 0.0),
+            }
+            let scale = rows.pmf(row) / grid.solid_angle(row);
+            let steps = columns[row * stride..].windows(2);
+            densities.extend(steps.map(|step| scale * (step[1] - step[0])));
+        }
         Some(Self {
+            edges: (0..=grid.height).map(|row| grid.edge(row)).collect(),
             grid,
-            rows: Discrete::new(sums)?,
-            columns: rows
-                .flat_map(|row| match Discrete::new(row.iter().copied()) {
-                    Some(columns) => columns.cumulative().to_vec(),
-                    None => zeros.clone(),
-                })
-                .collect(),
+            rows,
+            columns,
+            densities,
         })
-    }
-
-    fn columns(&self, row: usize) -> &[f32] {
-        let stride = self.grid.width + 1;
-        &self.columns[row * stride..(row + 1) * stride]
     }
 
     /// A direction and its density [1/sr].
     pub(super) fn sample(&self, u: [f32; 2]) -> (Vec3A, f32) {
-        let (row, row_pmf, v) = self.rows.sample(u[1]);
-        let (column, column_pmf, u) = step(self.columns(row), u[0]);
-        let direction = self.grid.direction(row * self.grid.width + column, [u, v]);
-        (direction, row_pmf * column_pmf / self.grid.solid_angle(row))
+        let (row, _, v) = self.rows.sample(u[1]);
+        let stride = self.grid.width + 1;
+        let (column, _, u) = step(&self.columns[row * stride..(row + 1) * stride], u[0]);
+        let edges = [self.edges[row], self.edges[row + 1]];
+        let direction = self.grid.direction_between(edges, column, [u, v]);
+        (direction, self.densities[row * self.grid.width + column])
     }
 
     /// Density [1/sr] of a direction.
     pub(super) fn pdf(&self, direction: Vec3A) -> f32 {
-        let cell = self.grid.cell(direction);
-        let (row, column) = (cell / self.grid.width, cell % self.grid.width);
-        let columns = self.columns(row);
-        let pmf = self.rows.pmf(row) * (columns[column + 1] - columns[column]);
-        pmf / self.grid.solid_angle(row)
+        self.densities[self.grid.cell(direction)]
     }
 }
 
