@@ -211,6 +211,8 @@ class InstanceTable:
             self.warnings.not_rendered(owner.name, "Holdout")
         if owner.is_shadow_catcher:
             self.warnings.not_rendered(owner.name, "Shadow catcher")
+        if owner.indirect_only_get(view_layer=layer):
+            self.warnings.not_rendered(owner.name, "Indirect Only")
         for system in owner.particle_systems:
             if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
                 self.warnings.add(owner.name, "hair particles are not rendered yet")

@@ -163,5 +163,8 @@ def _check(owner: bpy.types.Object, data: bpy.types.Light, warnings: Warnings) -
         warnings.add(owner.name, "a light without shadows is not rendered yet, it casts shadows")
     if data.type == "AREA" and not isclose(data.spread, pi, abs_tol=1e-4):
         warnings.not_rendered(owner.name, "Spread of an area light")
+    linking = owner.light_linking
+    if linking.receiver_collection or linking.blocker_collection:
+        warnings.not_rendered(owner.name, "Light linking")
     if data.cycles.is_portal:
         warnings.not_rendered(owner.name, "Portal")

@@ -29,6 +29,8 @@ from export_oracle import (
     write_usd,
 )
 
+import dualcone
+
 FRAMES = (1, 4, 7)
 
 
@@ -339,6 +341,14 @@ def test_arrays_keep_the_contract() -> None:
     for name, (dtype, axes) in contract_table("MESH").items():
         array = getattr(frame.meshes[0], name)
         assert (array.dtype.name, array.ndim, array.flags.c_contiguous) == (dtype, axes, True), name
+
+
+def test_the_renderer_takes_what_is_exported() -> None:
+    owner = add_mesh()
+    owner.data.materials.append(None)
+    add_object("Lamp", bpy.data.lights.new("Lamp", "SPOT"))
+    frame = export_now(core=dualcone)
+    dualcone.SceneFrame(frame.frame, frame.meshes, frame.images, frame.arrays)
 
 
 def test_an_unchanged_mesh_is_handed_over_once() -> None:

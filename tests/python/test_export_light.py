@@ -189,12 +189,14 @@ def test_a_lamps_nodes_scale_its_power(tmp_path: Path) -> None:
 def test_what_a_lamp_does_beyond_is_named() -> None:
     add_camera()
     lamp = add_light("AREA", spread=1.0, use_shadow=False)
+    lamp.light_linking.receiver_collection = bpy.data.collections.new("Lit")
     node = emission_of(lamp.data)
     falloff = lamp.data.node_tree.nodes.new("ShaderNodeLightFalloff")
     lamp.data.node_tree.links.new(falloff.outputs["Linear"], node.inputs["Strength"])
     assert export_now().warnings == [
         "'Lamp': a light without shadows is not rendered yet, it casts shadows",
         "'Lamp': Spread of an area light is not rendered yet",
+        "'Lamp': Light linking is not rendered yet",
         "'Lamp': Light Falloff in Strength is not rendered yet (its default value is used)",
     ]
 
