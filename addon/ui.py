@@ -38,6 +38,7 @@ class RenderPanel:
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "render"
+    bl_order = -1  # Above Simplify, which Blender registered first.
     COMPAT_ENGINES = {ENGINE}
 
     @classmethod

@@ -129,18 +129,18 @@ class TestWheel:
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
         addon.unregister()
-        with monkeypatch.context() as patched:
-            patched.setitem(sys.modules, core.MODULE, None)
-            addon.register()
-            try:
-                shot.render.engine = "DUALCONE"
-                refused("does not load .* Restart Blender", tmp_path)
-                context: Any = SimpleNamespace(engine="DUALCONE")
-                assert ui.DUALCONE_PT_problem.poll(context)
-                assert not ui.DUALCONE_PT_sampling.poll(context)
-            finally:
-                addon.unregister()
+        monkeypatch.setitem(sys.modules, core.MODULE, None)
         addon.register()
+        try:
+            shot.render.engine = "DUALCONE"
+            refused("does not load .* Restart Blender", tmp_path)
+            context: Any = SimpleNamespace(engine="DUALCONE")
+            assert ui.DUALCONE_PT_problem.poll(context)
+            assert not ui.DUALCONE_PT_sampling.poll(context)
+        finally:
+            addon.unregister()
+            monkeypatch.undo()
+            addon.register()
 
 
 def stop_while_reading_this_frame(_engine: DualConeEngine) -> bool:
