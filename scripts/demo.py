@@ -28,7 +28,7 @@ def parse_arguments() -> argparse.Namespace:
     parser.add_argument("--start", type=int, help="first frame, else the sample's own")
     parser.add_argument("--frames", type=int, default=12)
     parser.add_argument("--width", type=int, default=480, help="pixels; the shape is the sample's")
-    parser.add_argument("--samples", type=int, default=16, help="per pixel and frame")
+    parser.add_argument("--samples", type=int, default=8, help="per pixel and frame")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "demo")
     return parser.parse_args()
 
