@@ -115,19 +115,33 @@ pub(crate) fn camera(position: Vec3, target: Vec3, angle: f32) -> Camera {
 
 /// A Lambertian material.
 pub(crate) fn diffuse(reflectance: f32) -> Material {
+    closure(ClosureKind::Diffuse, reflectance, 0.0, 0.0)
+}
+
+/// A rough mirror.
+pub(crate) fn glossy(reflectance: f32, roughness: f32) -> Material {
+    closure(ClosureKind::Glossy, reflectance, roughness, 0.0)
+}
+
+/// A surface that only shines.
+pub(crate) fn glowing(radiance: f32) -> Material {
+    closure(ClosureKind::Emission, 0.0, 0.0, radiance)
+}
+
+fn closure(kind: ClosureKind, color: f32, roughness: f32, emission: f32) -> Material {
     let closure = Closure {
-        kind: ClosureKind::Diffuse,
+        kind,
         weight: 1.0,
-        color: Vec3A::splat(reflectance),
+        color: Vec3A::splat(color),
         color_image: None,
-        roughness: 0.0,
+        roughness,
         roughness_image: None,
         metallic: 0.0,
         ior: 1.5,
         specular: 0.5,
         alpha: 1.0,
         alpha_image: None,
-        emission: Vec3A::ZERO,
+        emission: Vec3A::splat(emission),
     };
     Material {
         closures: vec![closure],

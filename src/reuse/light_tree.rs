@@ -15,6 +15,7 @@ use std::collections::BinaryHeap;
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, Mat3A, Vec2, Vec3A};
+use rayon::prelude::*;
 
 use crate::math::cone::tan_beta;
 use crate::math::luminance;
@@ -59,7 +60,7 @@ pub struct LightTree {
 impl LightTree {
     /// The tree of a world; a world without an image is one leaf. Directions (world space) for
     /// which `is_sun` holds are black here: their light is found by sampling it.
-    pub fn build(world: &World, is_sun: impl Fn(Vec3A) -> bool) -> Self {
+    pub fn build(world: &World, is_sun: impl Fn(Vec3A) -> bool + Sync) -> Self {
         let (width, height) = world.image.as_ref().map_or((1, 1), |image| image.size());
         let world_from_environment = world.environment_from_world.inverse();
         let texel_radiance = |x, y| {
@@ -84,11 +85,12 @@ impl LightTree {
 
     fn of_texels(
         grid: Grid,
-        texel_radiance: impl Fn(usize, usize) -> Vec3A,
+        texel_radiance: impl Fn(usize, usize) -> Vec3A + Sync,
         environment_from_world: Mat3A,
     ) -> Self {
         let cells: Vec<Vec3A> = (0..grid.rows)
-            .flat_map(|y| (0..grid.columns).map(move |x| (x, y)))
+            .into_par_iter()
+            .flat_map_iter(|y| (0..grid.columns).map(move |x| (x, y)))
             .map(|(x, y)| grid.cell_mean(x, y, &texel_radiance))
             .collect();
         let regions = partition(&Integrals::new(&grid, &cells));
@@ -383,7 +385,7 @@ mod tests {
         if 2 * y < HEIGHT { ground } else { sky }
     }
 
-    fn tree(texel: impl Fn(usize, usize) -> Vec3A) -> LightTree {
+    fn tree(texel: impl Fn(usize, usize) -> Vec3A + Sync) -> LightTree {
         LightTree::of_texels(Grid::new(WIDTH, HEIGHT), texel, Mat3A::IDENTITY)
     }
 

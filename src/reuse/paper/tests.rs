@@ -11,8 +11,8 @@ use crate::math::warp::sample_sphere;
 use crate::reuse::lenders;
 use crate::scene::{Light, LightKind, SceneFrame, World};
 use crate::testing::{
-    Estimate, Scene, Shoot, camera, cube, diffuse, image_world, mean_radiance, plain_world, sphere,
-    square,
+    Estimate, Scene, Shoot, camera, cube, diffuse, glossy, glowing, image_world, mean_radiance,
+    plain_world, sphere, square,
 };
 
 /// Standard scores beyond which a mean counts as wrong: with Student's distribution of 15 degrees
@@ -250,6 +250,51 @@ fn other_surfaces_lend_nothing_but_other_frames_do() {
     let frames = [scene.frame(1), floor(0.5).frame(2)];
     let mixed = mean_radiance(&shoot(&frames, two_frames).pictures(&[1])[0]);
     assert!((mixed - 0.75).abs() < 0.01, "{mixed}");
+}
+
+#[test]
+fn surfaces_that_are_turned_lend_nothing() {
+    // A white floor on the left meets a black wall on the right in the middle of the picture.
+    let mut scene = Scene::new();
+    scene.camera = camera(Vec3::new(-4.0, 0.0, 4.0), Vec3::ZERO, 0.2);
+    let wall = Affine3A::from_rotation_y(-0.5 * PI);
+    scene.add(
+        square(),
+        Affine3A::from_translation(Vec3::NEG_X),
+        diffuse(1.0),
+    );
+    scene.add(
+        square(),
+        wall * Affine3A::from_translation(Vec3::X),
+        diffuse(0.0),
+    );
+    let frames = [scene.frame(1)];
+    let picture = &shoot(&frames, settings(Method::Paper)).pictures(&[1])[0];
+    // The camera looks along +X and down: the floor is in the lower half, the wall in the upper.
+    let (floor, wall) = picture.split_at(picture.len() / 2);
+    assert!(mean_radiance(floor) > 0.4, "{}", mean_radiance(floor));
+    assert_eq!(mean_radiance(wall), 0.0);
+}
+
+#[test]
+fn a_glowing_surface_over_a_glossy_floor_agrees_with_path_tracing() {
+    let mut scene = floor(0.0);
+    scene.world = plain_world(0.0);
+    let cover = Affine3A::from_translation(Vec3::new(0.0, 0.0, 0.001));
+    let wide = Affine3A::from_scale(Vec3::splat(9.0));
+    scene.add(square(), cover * wide, glossy(0.8, 0.3));
+    let lamp = Affine3A::from_translation(Vec3::new(0.0, 1.5, 1.0));
+    scene.add(
+        cube(),
+        lamp * Affine3A::from_scale(Vec3::splat(0.3)),
+        glowing(2.0),
+    );
+    let frames = [scene.frame(1)];
+    let [path, paper] =
+        [Method::Path, Method::Paper].map(|m| shoot(&frames, settings(m)).mean(SEEDS));
+    let bias = paper.against(path);
+    assert!(bias.mean.abs() < MAX_SCORE * bias.error, "{bias:?}");
+    assert!(path.mean > 0.05 && bias.error < 0.02, "{path:?} {bias:?}");
 }
 
 #[test]
