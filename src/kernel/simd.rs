@@ -7,6 +7,8 @@ use super::{
     shear::{Shear, exact_edges},
     slabs::Slabs,
 };
+use glam::{Vec3, Vec3A};
+use obvhs::aabb::Aabb;
 
 /// Children of a node.
 pub const WIDTH: usize = 8;
@@ -28,6 +30,38 @@ impl Boxes {
             planes: [lower, upper, lower, upper, lower, upper],
         }
     };
+
+    pub fn get(&self, slot: usize) -> Aabb {
+        let corner = |upper: usize| {
+            let [x, y, z] = [0, 2, 4].map(|plane| self.planes[plane + upper][slot]);
+            Vec3A::new(x, y, z)
+        };
+        Aabb::new(corner(0), corner(1))
+    }
+
+    pub fn set(&mut self, slot: usize, bounds: &Aabb) {
+        for axis in 0..3 {
+            self.planes[2 * axis][slot] = bounds.min[axis];
+            self.planes[2 * axis + 1][slot] = bounds.max[axis];
+        }
+    }
+
+    /// The box around all of them.
+    pub fn union(&self) -> Aabb {
+        let lower = |axis: usize| {
+            self.planes[2 * axis]
+                .into_iter()
+                .fold(f32::INFINITY, f32::min)
+        };
+        let upper = |axis: usize| {
+            let planes = self.planes[2 * axis + 1].into_iter();
+            planes.fold(f32::NEG_INFINITY, f32::max)
+        };
+        Aabb::new(
+            Vec3A::new(lower(0), lower(1), lower(2)),
+            Vec3A::new(upper(0), upper(1), upper(2)),
+        )
+    }
 }
 
 /// Four triangles, `vertices[vertex][axis][lane]`. An unused lane is NaN, and no ray meets it.
@@ -43,6 +77,26 @@ impl Packet {
         vertices: [[[f32::NAN; LEAF_TRIANGLES]; 3]; 3],
         ids: [u32::MAX; LEAF_TRIANGLES],
     };
+
+    pub fn set(&mut self, lane: usize, id: u32, corners: [Vec3; 3]) {
+        self.ids[lane] = id;
+        for (vertex, corner) in corners.iter().enumerate() {
+            for axis in 0..3 {
+                self.vertices[vertex][axis][lane] = corner[axis];
+            }
+        }
+    }
+
+    /// The box around its triangles, without lanes that are NaN.
+    pub fn bounds(&self) -> Aabb {
+        let all = |axis: usize| self.vertices.iter().flat_map(move |vertex| vertex[axis]);
+        let lower = |axis| all(axis).fold(f32::INFINITY, f32::min);
+        let upper = |axis| all(axis).fold(f32::NEG_INFINITY, f32::max);
+        Aabb::new(
+            Vec3A::new(lower(0), lower(1), lower(2)),
+            Vec3A::new(upper(0), upper(1), upper(2)),
+        )
+    }
 }
 
 /// Where a ray meets the triangles of a packet; lanes it does not meet are unspecified.
@@ -147,6 +201,16 @@ fn mask(mut passes: impl FnMut(usize) -> bool, lanes: usize) -> u32 {
     (0..lanes).fold(0, |mask, lane| mask | u32::from(passes(lane)) << lane)
 }
 
+/// The numbers of the bits that are set, in ascending order.
+#[inline(always)]
+pub fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let bit = (mask != 0).then(|| mask.trailing_zeros() as usize);
+        mask &= mask.wrapping_sub(1);
+        bit
+    })
+}
+
 /// One vertex of four triangles, one axis at a time.
 type Corner = [[f32; LEAF_TRIANGLES]; 3];
 
@@ -168,7 +232,7 @@ fn sheared(vertex: &Corner, shear: &Shear) -> Corner {
 /// Replaces the edge functions of the lanes in `zeros` by their exact counterparts.
 #[cold]
 fn resolve_zeros(zeros: u32, corners: [Corner; 3], edges: &mut [[f32; LEAF_TRIANGLES]; 3]) {
-    for lane in (0..LEAF_TRIANGLES).filter(|lane| zeros >> lane & 1 == 1) {
+    for lane in bits(zeros) {
         let [x, y] = [0, 1].map(|axis| corners.map(|corner| corner[axis][lane]));
         let exact = exact_edges(x, y);
         (0..3).for_each(|i| edges[i][lane] = exact[i]);
@@ -247,10 +311,7 @@ mod avx2 {
         let any_zero = _mm_or_ps(is_zero(edges[0]), is_zero(edges[1]));
         let zeros = _mm_movemask_ps(_mm_or_ps(any_zero, is_zero(edges[2])));
         if zeros != 0 {
-            let mut stored = [store4(edges[0]), store4(edges[1]), store4(edges[2])];
-            let corners = corners.map(|p| [store4(p[0]), store4(p[1]), store4(p[2])]);
-            resolve_zeros(zeros as u32, corners, &mut stored);
-            edges = [load4(&stored[0]), load4(&stored[1]), load4(&stored[2])];
+            edges = resolved(zeros as u32, corners, edges);
         }
         let [u, v, w] = edges;
         // A NaN, which marks an unused lane, fails the comparison of the determinant.
@@ -287,6 +348,16 @@ mod avx2 {
         let [sx, sy, sz] = shear.shear;
         let [sx, sy, sz] = [along(sx), along(sy), along(sz)];
         [_mm_sub_ps(x, sx), _mm_sub_ps(y, sy), sz]
+    }
+
+    /// [`resolve_zeros`] out of registers.
+    #[cold]
+    #[target_feature(enable = "avx2,fma,bmi1")]
+    fn resolved(zeros: u32, corners: [[__m128; 3]; 3], edges: [__m128; 3]) -> [__m128; 3] {
+        let store = |p: [__m128; 3]| [store4(p[0]), store4(p[1]), store4(p[2])];
+        let mut stored = store(edges);
+        resolve_zeros(zeros, corners.map(store), &mut stored);
+        [load4(&stored[0]), load4(&stored[1]), load4(&stored[2])]
     }
 
     /// `p.x q.y - p.y q.x`, each product rounded.

@@ -172,12 +172,15 @@ fn rays(mesh: &Mesh, scale: f32, count: usize, random: &mut Random) -> Vec<Ray> 
 }
 
 fn assert_twins(mesh: &Mesh, rays: &[Ray]) {
-    let bvh = mesh.build();
+    assert_tree_twins(&mesh.build(), mesh, rays);
+}
+
+fn assert_tree_twins(bvh: &TriangleBvh, mesh: &Mesh, rays: &[Ray]) {
     for ray in rays {
         let expected = mesh.brute_force(ray);
         assert_eq!(bvh.closest_hit(ray), expected, "{ray:?}");
         assert_eq!(bvh.occluded(ray), expected.is_some(), "{ray:?}");
-        let (bvh, accept) = (&bvh, |_: &TriangleHit| true);
+        let accept = |_: &TriangleHit| true;
         let portable = Closest { bvh, ray, accept }.run::<Portable>();
         assert_eq!(portable, expected, "{ray:?}");
         let portable = Any { bvh, ray, accept }.run::<Portable>();
@@ -439,4 +442,44 @@ fn instances_are_visited_where_a_loop_over_boxes_meets_them() {
         assert_eq!(met, expected.is_some());
     }
     assert!(InstanceBvh::build(&[]).bounds().is_none());
+}
+
+#[test]
+fn refitted_trees_have_the_hits_of_the_twin() {
+    let mut random = Random::new(10);
+    let mut mesh = Mesh::pebble(16, Vec3::ZERO, 1.0);
+    // A triangle without area at first, one that loses its area.
+    mesh.triangles.push([0, 0, 1]);
+    let bvh = mesh.build();
+    let rays = rays(&mesh, 1.0, 500, &mut random);
+    let mut moved = |mesh: &mut Mesh, amount: f32| {
+        for position in &mut mesh.positions {
+            *position += amount * point(&mut random);
+        }
+        bvh.refitted(&mesh.positions, &mesh.triangles)
+    };
+    let shape = |bvh: &TriangleBvh| -> Vec<u32> { bvh.leaf_triangles().collect() };
+
+    let slight = moved(&mut mesh, 0.01);
+    assert_eq!(shape(&slight), shape(&bvh));
+    assert_tree_twins(&slight, &mesh, &rays);
+
+    mesh.positions[7] = mesh.positions[8];
+    let flattened = moved(&mut mesh, 0.0);
+    assert_eq!(shape(&flattened), shape(&bvh));
+    assert_tree_twins(&flattened, &mesh, &rays);
+    mesh.positions[7] = Vec3::splat(0.3);
+    let risen = flattened.refitted(&mesh.positions, &mesh.triangles);
+    assert_tree_twins(&risen, &mesh, &rays);
+
+    // Where the old tree would be bad, and where it lacks a triangle, there is a new one.
+    let scattered = moved(&mut mesh, 2.0);
+    assert_ne!(shape(&scattered), shape(&bvh));
+    assert_tree_twins(&scattered, &mesh, &rays);
+    mesh.triangles.pop();
+    mesh.triangles.push([0, 5, 1]);
+    assert_tree_twins(&moved(&mut mesh, 0.0), &mesh, &rays);
+
+    let nothing = vec![Vec3::ZERO; mesh.positions.len()];
+    assert!(bvh.refitted(&nothing, &mesh.triangles).bounds().is_none());
 }

@@ -2,7 +2,7 @@
 
 use super::{
     shear::Shear,
-    simd::{Job, LEAF_TRIANGLES, Lanes, Meetings, Packet, run_widest},
+    simd::{Job, LEAF_TRIANGLES, Lanes, Meetings, Packet, bits, run_widest},
     wide::{Walk, WideTree},
 };
 use crate::math::Ray;
@@ -28,7 +28,13 @@ pub struct TriangleBvh {
     /// None when there is nothing to hit.
     tree: Option<WideTree>,
     packets: Vec<Packet>,
+    /// Of the tree as it was built.
+    cost: f32,
 }
+
+/// A refitted tree that costs more than this factor of what it did is built anew. Rebuilding takes
+/// some 30 times as long as refitting, and pays where each triangle is met by many rays.
+const COST_GROWTH: f32 = 1.5;
 
 impl TriangleBvh {
     /// Builds the tree. `triangles` index `positions`. Triangles without area and triangles with
@@ -46,13 +52,52 @@ impl TriangleBvh {
                 let mut packet = Packet::EMPTY;
                 for (lane, &member) in members.iter().enumerate() {
                     let id = ids[member as usize];
-                    set_triangle(&mut packet, lane, id, corners(id));
+                    packet.set(lane, id, corners(id));
                 }
                 packets.push(packet);
                 packets.len() as u32 - 1
             })
         });
-        Self { tree, packets }
+        Self {
+            cost: tree.as_ref().map_or(0.0, WideTree::cost),
+            tree,
+            packets,
+        }
+    }
+
+    /// The tree after the vertices have moved to `positions`, for the `triangles` it was built
+    /// from. Fits the boxes of this one anew, which is much faster than building, unless it would
+    /// become a bad tree or lack triangles that had no area before: then it builds.
+    pub fn refitted(&self, positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
+        self.try_refit(positions, triangles)
+            .unwrap_or_else(|| Self::build(positions, triangles))
+    }
+
+    fn try_refit(&self, positions: &[Vec3], triangles: &[[u32; 3]]) -> Option<Self> {
+        let corners = |id: u32| triangles[id as usize].map(|v| positions[v as usize]);
+        let mut packets = self.packets.clone();
+        let mut held = 0;
+        for packet in &mut packets {
+            for lane in 0..LEAF_TRIANGLES {
+                let id = packet.ids[lane];
+                if id == u32::MAX {
+                    continue;
+                }
+                let corners = corners(id);
+                let area = has_area(&corners);
+                packet.set(lane, id, if area { corners } else { [Vec3::NAN; 3] });
+                held += usize::from(area);
+            }
+        }
+        let ids = 0..triangles.len() as u32;
+        let all = ids.filter(|&id| has_area(&corners(id))).count();
+        let mut tree = self.tree.clone()?;
+        tree.refit(|leaf| packets[leaf as usize].bounds());
+        (held == all && tree.cost() <= COST_GROWTH * self.cost).then_some(Self {
+            tree: Some(tree),
+            packets,
+            cost: self.cost,
+        })
     }
 
     /// The hit with the smallest `t` in `[t_min, t_max]`, of equal ones that of the smallest index.
@@ -87,6 +132,12 @@ impl TriangleBvh {
             ray,
             accept,
         })
+    }
+
+    /// The triangles in the order of the leaves: two trees of one shape have the same.
+    #[cfg(test)]
+    pub(super) fn leaf_triangles(&self) -> impl Iterator<Item = u32> {
+        self.packets.iter().flat_map(|packet| packet.ids)
     }
 
     /// Lower and upper corner of all triangles that can be hit, None when there are none.
@@ -172,22 +223,12 @@ fn hits<'a>(
     met: u32,
     meetings: &'a Meetings,
 ) -> impl Iterator<Item = TriangleHit> + 'a {
-    let lanes = (0..LEAF_TRIANGLES).filter(move |lane| met >> lane & 1 == 1);
-    lanes.map(|lane| TriangleHit {
+    bits(met).map(|lane| TriangleHit {
         t: meetings.t[lane],
         triangle: packet.ids[lane],
         u: meetings.u[lane],
         v: meetings.v[lane],
     })
-}
-
-fn set_triangle(packet: &mut Packet, lane: usize, id: u32, corners: [Vec3; 3]) {
-    packet.ids[lane] = id;
-    for (vertex, corner) in corners.iter().enumerate() {
-        for axis in 0..3 {
-            packet.vertices[vertex][axis][lane] = corner[axis];
-        }
-    }
 }
 
 /// False also where a coordinate is not finite. In double precision, for meshes of any size.

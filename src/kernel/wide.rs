@@ -1,7 +1,7 @@
 //! The 8-wide tree: how it is made from obvhs's binary one, and the walks through it.
 
 use super::{
-    simd::{Boxes, Lanes, WIDTH},
+    simd::{Boxes, Lanes, WIDTH, bits},
     slabs::Slabs,
 };
 use crate::math::Ray;
@@ -22,6 +22,8 @@ pub struct Node {
 
 /// Set in a child that is a leaf; the other bits are its index.
 const LEAF: u32 = 1 << 31;
+/// A slot without a child.
+const NO_CHILD: u32 = u32::MAX;
 
 /// A tree over boxes. What its leaves hold is its owner's business.
 #[derive(Debug, Clone)]
@@ -50,11 +52,11 @@ impl WideTree {
             }
             let mut node = Node {
                 boxes: Boxes::EMPTY,
-                children: [0; WIDTH],
+                children: [NO_CHILD; WIDTH],
             };
             for (slot, &child) in descend(&binary, root).iter().enumerate() {
                 let source = &binary.nodes[child as usize];
-                set_box(&mut node.boxes, slot, source.aabb());
+                node.boxes.set(slot, source.aabb());
                 if source.is_leaf() {
                     let first = source.first_index as usize;
                     let members = first..first + source.prim_count as usize;
@@ -79,6 +81,34 @@ impl WideTree {
 
     pub fn memory_bytes(&self) -> usize {
         self.nodes.capacity() * size_of::<Node>()
+    }
+
+    /// Fits all boxes to leaves that have moved. The shape of the tree stays.
+    pub fn refit(&mut self, leaf_box: impl Fn(u32) -> Aabb) {
+        // Parents come before their children.
+        for index in (0..self.nodes.len()).rev() {
+            for slot in 0..WIDTH {
+                let bounds = match self.nodes[index].children[slot] {
+                    NO_CHILD => continue,
+                    leaf if leaf & LEAF != 0 => leaf_box(leaf & !LEAF),
+                    inner => self.nodes[inner as usize].boxes.union(),
+                };
+                self.nodes[index].boxes.set(slot, &bounds);
+            }
+        }
+        let root = self.nodes[0].boxes.union();
+        self.bounds = (root.min, root.max);
+    }
+
+    /// How many nodes and leaves a random ray through the bounds is expected to visit: the sum of
+    /// the boxes' areas relative to that of the bounds.
+    pub fn cost(&self) -> f32 {
+        let area = |node: &Node| -> f32 {
+            let met = (0..WIDTH).filter(|&slot| node.children[slot] != NO_CHILD);
+            met.map(|slot| node.boxes.get(slot).half_area()).sum()
+        };
+        let whole = Aabb::new(self.bounds.0, self.bounds.1).half_area();
+        self.nodes.iter().map(area).sum::<f32>() / whole
     }
 }
 
@@ -119,8 +149,9 @@ impl<'a, L: Lanes> Walk<'a, L> {
             }
             while child & LEAF == 0 {
                 let node = &self.nodes[child as usize];
-                let mut mask = L::meet_boxes(&node.boxes, &self.slabs, t_max, &mut entry);
-                let Some(slot) = pop_bit(&mut mask) else {
+                let met = L::meet_boxes(&node.boxes, &self.slabs, t_max, &mut entry);
+                let mut met = bits(met);
+                let Some(slot) = met.next() else {
                     continue 'next;
                 };
                 let of = |slot: usize| Waiting {
@@ -129,7 +160,7 @@ impl<'a, L: Lanes> Walk<'a, L> {
                 };
                 let mut nearest = of(slot);
                 let others = self.waiting.len;
-                while let Some(slot) = pop_bit(&mut mask) {
+                for slot in met {
                     let new = of(slot);
                     let (near, far) = if new.t < nearest.t {
                         (new, nearest)
@@ -154,12 +185,13 @@ impl<'a, L: Lanes> Walk<'a, L> {
             let mut child = self.waiting.pop()?.child;
             while child & LEAF == 0 {
                 let node = &self.nodes[child as usize];
-                let mut mask = L::meet_boxes(&node.boxes, &self.slabs, t_max, &mut entry);
-                let Some(slot) = pop_bit(&mut mask) else {
+                let met = L::meet_boxes(&node.boxes, &self.slabs, t_max, &mut entry);
+                let mut met = bits(met);
+                let Some(slot) = met.next() else {
                     continue 'next;
                 };
                 child = node.children[slot];
-                while let Some(slot) = pop_bit(&mut mask) {
+                for slot in met {
                     self.waiting.push(Waiting { t: 0.0, child });
                     child = node.children[slot];
                 }
@@ -167,14 +199,6 @@ impl<'a, L: Lanes> Walk<'a, L> {
             return Some(child & !LEAF);
         }
     }
-}
-
-/// The index of the lowest bit, which is cleared.
-#[inline(always)]
-fn pop_bit(mask: &mut u32) -> Option<usize> {
-    let bit = mask.trailing_zeros() as usize;
-    *mask &= mask.wrapping_sub(1);
-    (bit < 32).then_some(bit)
 }
 
 /// A subtree that waits for its turn: where the ray enters it, and what it is.
@@ -289,11 +313,4 @@ fn descend(tree: &Bvh2, root: u32) -> Vec<u32> {
     }
     children.sort_by(|&i, &j| area(i).total_cmp(&area(j)));
     children
-}
-
-fn set_box(boxes: &mut Boxes, slot: usize, bounds: &Aabb) {
-    for axis in 0..3 {
-        boxes.planes[2 * axis][slot] = bounds.min[axis];
-        boxes.planes[2 * axis + 1][slot] = bounds.max[axis];
-    }
 }
