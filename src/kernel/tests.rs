@@ -307,6 +307,32 @@ fn axis_rays_through_the_vertices_of_a_grid_hit_it_from_both_sides() {
 }
 
 #[test]
+fn an_edge_function_that_rounds_to_zero_keeps_its_sign() {
+    // (1 + h) (1 - h) - 1 = -h^2 is zero in single precision. The ray passes the edge from the
+    // second to the third vertex by about h^2, outside in one case and inside in the other.
+    let h = 1.0 / (1 << 13) as f32;
+    let outside = [
+        vec3(-1.0, 1.0, 0.0),
+        vec3(1.0 + h, 1.0, 0.0),
+        vec3(-1.0, h - 1.0, 0.0),
+    ];
+    let inside = [
+        vec3(-1.0, 1.0, 0.0),
+        vec3(1.0, 1.0 - h, 0.0),
+        vec3(-1.0 - h, -1.0, 0.0),
+    ];
+    let ray = Ray::new(Vec3A::NEG_Z, Vec3A::Z);
+    for (positions, hit) in [(outside, false), (inside, true)] {
+        let mesh = Mesh {
+            positions: positions.to_vec(),
+            triangles: vec![[0, 1, 2]],
+        };
+        assert_eq!(mesh.build().occluded(&ray), hit);
+        assert_twins(&mesh, &[ray]);
+    }
+}
+
+#[test]
 fn of_equal_hits_the_smallest_index_counts() {
     let one = [
         vec3(0.0, 0.0, 0.0),
