@@ -1,0 +1,213 @@
+//! Rays per second of the kernel beside those of obvhs's own CWBVH traversal, on one thread.
+//!
+//! `cargo bench --bench accel`. The table at the end alternates between the two within one run, so
+//! that its ratios do not depend on how fast the machine is at the moment.
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use criterion::{Criterion, Throughput};
+use dualcone::kernel::TriangleBvh;
+use dualcone::math::{Frame, Ray};
+use glam::{Vec3, Vec3A, vec3};
+use obvhs::{
+    BvhBuildParams,
+    cwbvh::{CwBvh, builder::build_cwbvh_from_tris},
+    ray::RayHit,
+    triangle::Triangle,
+};
+
+/// Hills of `2 n^2` triangles with stones of various sizes on and above them.
+fn landscape(n: u32, stones: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let height =
+        |x: f32, y: f32| 0.6 * (0.9 * x).sin() * (1.3 * y).cos() + 0.05 * (9.0 * x * y).sin();
+    let (mut positions, mut triangles) = (vec![], vec![]);
+    let mut add_patch = |columns: u32, rows: u32, surface: &dyn Fn(f32, f32) -> Vec3| {
+        let first = positions.len() as u32;
+        for row in 0..=rows {
+            for column in 0..=columns {
+                let (u, v) = (column as f32 / columns as f32, row as f32 / rows as f32);
+                positions.push(surface(u, v));
+            }
+        }
+        for cell in 0..rows * columns {
+            let a = first + cell / columns * (columns + 1) + cell % columns;
+            let b = a + columns + 1;
+            triangles.extend([[a, a + 1, b + 1], [a, b + 1, b]]);
+        }
+    };
+    add_patch(n, n, &|u, v| {
+        let (x, y) = (10.0 * u - 5.0, 10.0 * v - 5.0);
+        vec3(x, y, height(x, y))
+    });
+    for stone in 0..stones {
+        let [a, b, c] = [0.618, 0.755, 0.57].map(|step| (step * (stone + 1) as f32).fract());
+        let (x, y, radius) = (9.0 * a - 4.5, 9.0 * b - 4.5, 0.05 + 0.4 * c * c * c);
+        let centre = vec3(x, y, height(x, y) + radius);
+        add_patch(24, 12, &|u, v| {
+            let (azimuth, polar) = (u * std::f32::consts::TAU, v * std::f32::consts::PI);
+            let bump = 1.0 + 0.15 * (4.0 * polar).sin() * (6.0 * azimuth).cos();
+            let (s, c) = polar.sin_cos();
+            centre + radius * bump * vec3(s * azimuth.cos(), s * azimuth.sin(), c)
+        });
+    }
+    (positions, triangles)
+}
+
+/// Everything that is traced, both ways.
+struct Subject {
+    corners: Vec<Triangle>,
+    kernel: TriangleBvh,
+    obvhs: CwBvh,
+}
+
+impl Subject {
+    fn new(n: u32, stones: u32) -> Self {
+        let (positions, triangles) = landscape(n, stones);
+        let corners: Vec<_> = triangles
+            .iter()
+            .map(|t| {
+                let [v0, v1, v2] = t.map(|v| Vec3A::from(positions[v as usize]));
+                Triangle { v0, v1, v2 }
+            })
+            .collect();
+        let parameters = BvhBuildParams::medium_build();
+        let obvhs = build_cwbvh_from_tris(&corners, parameters, &mut Duration::default());
+        let in_order = obvhs.primitive_indices.iter().map(|&i| corners[i as usize]);
+        Self {
+            corners: in_order.collect(),
+            kernel: TriangleBvh::build(&positions, &triangles),
+            obvhs,
+        }
+    }
+
+    fn closest(&self, rays: &[Ray]) -> f32 {
+        let t = |ray| self.kernel.closest_hit(ray).map_or(0.0, |hit| hit.t);
+        rays.iter().map(t).sum()
+    }
+
+    fn any(&self, rays: &[Ray]) -> usize {
+        rays.iter().filter(|ray| self.kernel.occluded(ray)).count()
+    }
+
+    fn obvhs_closest(&self, rays: &[Ray]) -> f32 {
+        let t = |ray| {
+            let mut hit = RayHit::none();
+            self.obvhs
+                .ray_traverse(convert(ray), &mut hit, |r, i| self.corners[i].intersect(r));
+            if hit.t < f32::INFINITY { hit.t } else { 0.0 }
+        };
+        rays.iter().map(t).sum()
+    }
+
+    fn obvhs_any(&self, rays: &[Ray]) -> usize {
+        let met = |ray: &&Ray| {
+            !self
+                .obvhs
+                .ray_traverse_miss(convert(ray), |r, i| self.corners[i].intersect(r))
+        };
+        rays.iter().filter(met).count()
+    }
+}
+
+fn convert(ray: &Ray) -> obvhs::ray::Ray {
+    obvhs::ray::Ray::new(ray.origin, ray.direction, ray.t_min, ray.t_max)
+}
+
+/// Rays of a pinhole camera that looks down at the hills, row by row.
+fn primary_rays(side: u32) -> Vec<Ray> {
+    let origin = Vec3A::new(0.0, -9.0, 5.0);
+    let frame = Frame::from_normal(-origin.normalize());
+    (0..side * side)
+        .map(|i| {
+            let [x, y] = [i % side, i / side].map(|i| (i as f32 + 0.5) / side as f32 - 0.5);
+            let direction = frame.to_world(Vec3A::new(x, y, 1.0));
+            Ray::new(origin, direction.normalize())
+        })
+        .collect()
+}
+
+/// From each point that `rays` hit, one ray into the hemisphere, cosine weighted.
+fn gather_rays(bvh: &TriangleBvh, rays: &[Ray], triangles: &[Triangle], ids: &[u32]) -> Vec<Ray> {
+    let mut place = vec![0; ids.len()];
+    (0..ids.len()).for_each(|i| place[ids[i] as usize] = i);
+    let gather = |(i, ray): (usize, &Ray)| {
+        let hit = bvh.closest_hit(ray)?;
+        let triangle = &triangles[place[hit.triangle as usize]];
+        let normal = triangle.compute_normal();
+        let normal = normal * -normal.dot(ray.direction).signum();
+        let [a, b] = [0.754_877_7, 0.569_840_3].map(|step| (i as f64 * step).fract() as f32);
+        let (s, c) = (std::f32::consts::TAU * a).sin_cos();
+        let direction = Vec3A::new(b.sqrt() * c, b.sqrt() * s, (1.0 - b).sqrt());
+        Some(Ray {
+            t_min: 1e-4,
+            ..Ray::new(
+                ray.at(hit.t),
+                Frame::from_normal(normal).to_world(direction),
+            )
+        })
+    };
+    rays.iter().enumerate().filter_map(gather).collect()
+}
+
+fn main() {
+    let mut criterion = Criterion::default()
+        .sample_size(10)
+        .warm_up_time(Duration::from_millis(200))
+        .measurement_time(Duration::from_secs(1))
+        .configure_from_args();
+    for (name, n, stones) in [("hills 54k", 110, 50), ("hills 1M", 650, 300)] {
+        let subject = Subject::new(n, stones);
+        let primary = primary_rays(256);
+        let ids = &subject.obvhs.primitive_indices;
+        let gather = gather_rays(&subject.kernel, &primary, &subject.corners, ids);
+        let mut group = criterion.benchmark_group(name);
+        group.throughput(Throughput::Elements(primary.len() as u64));
+        group.bench_function("primary", |b| b.iter(|| subject.closest(&primary)));
+        group.throughput(Throughput::Elements(gather.len() as u64));
+        group.bench_function("gather closest", |b| b.iter(|| subject.closest(&gather)));
+        group.bench_function("gather any", |b| b.iter(|| subject.any(&gather)));
+        group.finish();
+        println!("\n{name:16}    kernel     obvhs  (Mrays/s)   ratio");
+        let table = [
+            compare(
+                &primary,
+                |rays| subject.closest(rays),
+                |rays| subject.obvhs_closest(rays),
+            ),
+            compare(
+                &gather,
+                |rays| subject.closest(rays),
+                |rays| subject.obvhs_closest(rays),
+            ),
+            compare(
+                &gather,
+                |rays| subject.any(rays),
+                |rays| subject.obvhs_any(rays),
+            ),
+        ];
+        for (pass, [ours, theirs]) in ["primary", "gather closest", "gather any"]
+            .iter()
+            .zip(table)
+        {
+            println!("{pass:16} {ours:9.2} {theirs:9.2} {:20.2}", ours / theirs);
+        }
+    }
+}
+
+/// Mrays/s of two passes over the same rays that take turns, each at its best.
+fn compare<T, U>(
+    rays: &[Ray],
+    ours: impl Fn(&[Ray]) -> T,
+    theirs: impl Fn(&[Ray]) -> U,
+) -> [f64; 2] {
+    let mut best = [Duration::MAX; 2];
+    for _ in 0..7 {
+        let start = Instant::now();
+        black_box(ours(rays));
+        let middle = Instant::now();
+        black_box(theirs(rays));
+        best = [best[0].min(middle - start), best[1].min(middle.elapsed())];
+    }
+    best.map(|time| rays.len() as f64 / time.as_secs_f64() / 1e6)
+}
