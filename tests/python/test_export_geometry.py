@@ -28,6 +28,7 @@ from export_oracle import (
     usd_meshes,
     write_usd,
 )
+from mathutils import Matrix
 
 import dualcone
 
@@ -408,17 +409,18 @@ def test_a_cache_never_shows_what_was(tmp_path: Path) -> None:
 
 
 def test_an_edit_between_two_evaluations_is_not_missed() -> None:
-    """Blender itself remembers the changes of the latest evaluation only."""
+    """Blender itself remembers the changes of the latest evaluation only.
+
+    The edited mesh may lie where the one before it lay: from the second edit on it does.
+    """
     owner = add_mesh()
     cache = export.ExportCache()
-    before = export_now(cache)
-    owner.data.vertices[0].co.z = 5.0
-    owner.data.update()
-    scene().view_layers[0].update()
-    scene().frame_set(2)
-    after = export_now(cache)
-    assert before.meshes[0].vertices[0, 2] == 0.0
-    assert after.meshes[0].vertices[0, 2] == 5.0
+    for step in range(5):
+        owner.data.vertices[0].co.z = float(step)
+        owner.data.update()
+        scene().view_layers[0].update()
+        scene().frame_set(2 + step)
+        assert export_now(cache).meshes[0].vertices[0, 2] == step
 
 
 def test_another_object_with_the_same_mesh_is_not_missed() -> None:
@@ -484,6 +486,27 @@ def test_keys_do_not_depend_on_order() -> None:
     assert set(after["instance_key"]) == set(of_size.values())
 
 
+def test_keys_of_instances_do_not_depend_on_their_neighbours() -> None:
+    collection = bpy.data.collections.new("Shared")
+    owner = add_mesh()
+    scene().collection.objects.unlink(owner)
+    collection.objects.link(owner)
+    instancers = [add_object(f"Instancer {x}", None, location=(x, 0, 0)) for x in range(3)]
+    for instancer in instancers:
+        instancer.instance_type, instancer.instance_collection = "COLLECTION", collection
+
+    def keys_by_place() -> dict[float, int]:
+        arrays = export_now().arrays
+        places = arrays["world_from_object"][:, 0, 3].tolist()
+        return dict(zip(places, arrays["instance_key"].tolist(), strict=True))
+
+    before = keys_by_place()
+    bpy.data.objects.remove(instancers[0])
+    after = keys_by_place()
+    assert len(set(before.values())) == 3
+    assert after == {place: before[place] for place in (1.0, 2.0)}
+
+
 def test_what_is_hidden_from_renders_is_left_out() -> None:
     add_mesh("Seen")
     add_mesh("Hidden").hide_render = True
@@ -529,6 +552,15 @@ def test_a_singular_instance_is_left_out_by_name(scale: tuple[float, float, floa
     frame = export_now()
     assert len(frame.arrays["instance_mesh"]) == len(frame.arrays["instance_key"]) == 1
     assert np.allclose(frame.meshes[frame.arrays["instance_mesh"][0]].vertices.max(), 4.0)
+    assert frame.warnings == ["'Flat': its matrix flattens space, this instance is left out"]
+
+
+def test_a_matrix_whose_axes_lie_in_a_plane_is_singular() -> None:
+    owner = add_mesh("Flat")
+    owner.parent = add_object("Parent", None)
+    owner.matrix_parent_inverse = Matrix(((1, 0, 1, 0), (0, 1, 1, 0), (0, 0, 0, 0), (0, 0, 0, 1)))
+    frame = export_now()
+    assert len(frame.arrays["instance_mesh"]) == 0
     assert frame.warnings == ["'Flat': its matrix flattens space, this instance is left out"]
 
 
