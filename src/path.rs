@@ -12,7 +12,9 @@ use glam::Vec3A;
 use crate::accel::{Accel, Hit};
 use crate::contract::Settings;
 use crate::math::Ray;
-use crate::sampling::{Bsdf, LightSample, LightSampler, LobePdfs, LobeValues, Part, Sampler};
+use crate::sampling::{
+    Bsdf, LightSample, LightSampler, LobePdfs, LobeValues, Part, Sampler, Strategy,
+};
 use crate::scene::SceneFrame;
 use crate::surface::{self, Surface};
 
@@ -81,6 +83,13 @@ pub struct Continuation {
     pub throughput: f32,
     /// Whether the length of the ray is wanted even where only its visibility matters for light.
     pub wants_distance: bool,
+}
+
+impl Continuation {
+    /// How lights were sampled where the ray starts.
+    fn strategy(&self) -> Strategy {
+        strategy_at(self.bounces.total - 1)
+    }
 }
 
 /// What comes back along a ray, apart by origin. Radiance of lights that light sampling also finds
@@ -248,6 +257,7 @@ impl<'a> Tracer<'a> {
                 surface.hit.triangle,
                 from.position,
                 from.normal,
+                from.strategy(),
                 surface.position,
             );
             gathered.lamps += surface.emission * balance(from.pdf_solid_angle, pdf_light);
@@ -261,9 +271,9 @@ impl<'a> Tracer<'a> {
     fn environment(&self, from: &Continuation) -> Vec3A {
         let direction = from.ray.direction;
         let radiance = self.lights.environment_radiance(direction);
-        let pdf_light = self
-            .lights
-            .environment_pdf(from.position, from.normal, direction);
+        let pdf_light =
+            self.lights
+                .environment_pdf(from.position, from.normal, from.strategy(), direction);
         radiance * balance(from.pdf_solid_angle, pdf_light)
     }
 
@@ -273,7 +283,9 @@ impl<'a> Tracer<'a> {
             t_max: distance,
             ..from.ray
         };
-        let lamps = self.lights.lamps_along(&ray, from.normal, false);
+        let lamps = self
+            .lights
+            .lamps_along(&ray, from.normal, from.strategy(), false);
         lamps
             .map(|lamp| lamp.radiance * balance(from.pdf_solid_angle, lamp.pdf_solid_angle))
             .sum()
@@ -288,26 +300,27 @@ impl<'a> Tracer<'a> {
         sampler: &Sampler,
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
-        self.light_sample(surface, vertex, sampler)
-            .map_or(LobeValues::default(), |light| {
-                self.lit_by(&light, surface, vertex, sampler, pdfs)
-            })
+        let lights = self.light_samples(surface, vertex, sampler);
+        let mut sum = LobeValues::default();
+        for light in lights.into_iter().flatten() {
+            let lit = self.lit_by(&light, surface, vertex, sampler, &pdfs);
+            sum.diffuse += lit.diffuse;
+            sum.glossy += lit.glossy;
+        }
+        sum
     }
 
-    /// A direction towards a light, not yet tested for visibility.
-    pub fn light_sample(
+    /// Directions towards lights, not yet tested for visibility; their contributions add up.
+    pub fn light_samples(
         &self,
         surface: &Surface,
         vertex: u32,
         sampler: &Sampler,
-    ) -> Option<LightSample> {
+    ) -> [Option<LightSample>; 2] {
+        let strategy = strategy_at(vertex);
         let numbers = sampler.light(vertex);
-        self.lights.sample(
-            surface.position,
-            surface.normal,
-            numbers.choice,
-            numbers.direction,
-        )
+        let lights = &self.lights;
+        lights.sample(surface.position, surface.normal, strategy, &numbers)
     }
 
     /// What a light sample contributes; see [`Tracer::direct`].
@@ -320,27 +333,44 @@ impl<'a> Tracer<'a> {
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
         let (values, own) = surface.bsdf.eval(light.direction);
-        if values.sum() == Vec3A::ZERO {
-            return LobeValues::default();
-        }
-        let mut ray = surface.ray_towards(light.direction);
-        ray.t_max = light.distance * SHADOW_END;
-        if self.is_occluded(&ray, vertex, sampler) {
+        if values.sum() == Vec3A::ZERO || self.is_shadowed(surface, light, vertex, sampler) {
             return LobeValues::default();
         }
         let own = pdfs(&surface.bsdf, own);
-        let part = |value: Vec3A, pdf: f32| {
-            let weight = if light.is_delta {
-                1.0
-            } else {
-                balance(light.pdf_solid_angle, pdf)
-            };
-            value * light.radiance * (weight / light.pdf_solid_angle)
-        };
         LobeValues {
-            diffuse: part(values.diffuse, own.diffuse),
-            glossy: part(values.glossy, own.glossy),
+            diffuse: weighted(light, values.diffuse, own.diffuse),
+            glossy: weighted(light, values.glossy, own.glossy),
         }
+    }
+
+    fn is_shadowed(
+        &self,
+        surface: &Surface,
+        light: &LightSample,
+        vertex: u32,
+        sampler: &Sampler,
+    ) -> bool {
+        let mut ray = surface.ray_towards(light.direction);
+        ray.t_max = light.distance * SHADOW_END;
+        self.is_occluded(&ray, vertex, sampler)
+    }
+}
+
+/// Reflected light of a light sample, given the density with which surface sampling finds it.
+fn weighted(light: &LightSample, value: Vec3A, own_pdf: f32) -> Vec3A {
+    let weight = if light.is_delta {
+        1.0
+    } else {
+        balance(light.pdf_solid_angle, own_pdf)
+    };
+    value * light.radiance * (weight / light.pdf_solid_angle)
+}
+
+/// How lights are sampled at a vertex of the path. The first one makes most of the noise.
+fn strategy_at(vertex: u32) -> Strategy {
+    match vertex {
+        0 => Strategy::SkyApart,
+        _ => Strategy::One,
     }
 }
 

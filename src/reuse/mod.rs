@@ -19,7 +19,7 @@ use crate::film::{Film, Region, Sighting};
 use crate::math::{PixelFilter, Ray};
 use crate::path::Tracer;
 use crate::progress::Progress;
-use crate::sampling::Sampler;
+use crate::sampling::{Sampler, Strategy};
 use crate::scene::FrameWindow;
 use crate::surface::Surface;
 
@@ -84,7 +84,9 @@ impl View<'_> {
             t_max: distance,
             ..ray
         };
-        let lamps = tracer.lights.lamps_along(&seen_ray, -ray.direction, true);
+        let lamps = tracer
+            .lights
+            .lamps_along(&seen_ray, -ray.direction, Strategy::One, true);
         let lamps: Vec3A = lamps.map(|lamp| lamp.radiance).sum();
         let hidden_background = tracer.settings.film_transparent;
         let (seen, radiance) = match &surface {

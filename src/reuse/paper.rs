@@ -286,15 +286,9 @@ fn finite(light: Vec3A) -> Vec3A {
     }
 }
 
-/// Light of lamps and suns by light sampling. A draw of the sky is dropped: gather rays find it.
+/// Light of lamps and suns by light sampling. The sky's sample is dropped: gather rays find it.
 fn small_lights(view: &View, surface: &Surface, sampler: &Sampler) -> Vec3A {
     let tracer = &view.tracer;
-    let Some(light) = tracer.light_sample(surface, 0, sampler) else {
-        return Vec3A::ZERO;
-    };
-    if light.class == LightClass::Sky {
-        return Vec3A::ZERO;
-    }
     let pdfs = |bsdf: &Bsdf, pdfs| {
         let pdf = bsdf.pdf(pdfs);
         LobePdfs {
@@ -302,7 +296,14 @@ fn small_lights(view: &View, surface: &Surface, sampler: &Sampler) -> Vec3A {
             glossy: pdf,
         }
     };
-    tracer.lit_by(&light, surface, 0, sampler, pdfs).sum()
+    let lights = tracer.light_samples(surface, 0, sampler);
+    let small = lights
+        .into_iter()
+        .flatten()
+        .filter(|l| l.class != LightClass::Sky);
+    small
+        .map(|light| tracer.lit_by(&light, surface, 0, sampler, pdfs).sum())
+        .sum()
 }
 
 /// r = R tan(beta); a light of a hemisphere or more covers every shift, however near.

@@ -6,5 +6,5 @@ pub mod lights;
 mod sampler;
 
 pub use bsdf::{Bsdf, BsdfSample, LobePdfs, LobeValues, Part, Principled};
-pub use lights::{LightClass, LightHit, LightSample, LightSampler, emitted_radiance};
+pub use lights::{LightClass, LightHit, LightSample, LightSampler, Strategy, emitted_radiance};
 pub use sampler::{CameraSample, LightUse, Sampler, ScatterUse};

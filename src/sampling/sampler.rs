@@ -38,6 +38,8 @@ pub struct LightUse {
     pub choice: f32,
     /// Chooses the direction.
     pub direction: [f32; 2],
+    /// Chooses the direction to the sky, where it has a sample of its own.
+    pub sky_direction: [f32; 2],
 }
 
 /// What continuing a path needs.
@@ -58,10 +60,11 @@ enum Use {
     Light,
     Scatter,
     Transparency,
+    Sky,
 }
 
 /// Uses a vertex may have, a power of two.
-const USES_PER_VERTEX: u32 = 4;
+const USES_PER_VERTEX: u32 = 8;
 
 impl Sampler {
     /// The numbers of one iteration of one pixel of one frame.
@@ -89,9 +92,11 @@ impl Sampler {
     /// Numbers for a light sample at the path's vertex number `vertex`.
     pub fn light(&self, vertex: u32) -> LightUse {
         let [x, y, choice, _] = self.point(vertex, Use::Light);
+        let [sky_x, sky_y, ..] = self.point(vertex, Use::Sky);
         LightUse {
             choice,
             direction: [x, y],
+            sky_direction: [sky_x, sky_y],
         }
     }
 

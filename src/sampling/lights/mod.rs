@@ -23,6 +23,7 @@ use std::sync::Arc;
 use glam::Vec3A;
 
 use super::discrete::Discrete;
+use super::sampler::LightUse;
 use crate::math::Ray;
 use crate::scene::{Light, LightKind, SceneFrame, World};
 use area::Area;
@@ -44,6 +45,16 @@ pub enum LightClass {
     Sky,
     /// A lamp or a glowing surface in the scene.
     Local,
+}
+
+/// Which lights get a sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Strategy {
+    /// One of all.
+    One,
+    /// The sky, and one of the others: the choice between sky and sun is the largest part of the
+    /// noise outdoors, and a ray more is cheaper than the samples that it would take.
+    SkyApart,
 }
 
 /// A direction towards a light.
@@ -133,6 +144,8 @@ pub struct LightSampler {
     /// Lamps stand first in `lights`, the parts of the surroundings follow.
     lamps: usize,
     environment: std::ops::Range<usize>,
+    /// The surroundings without their sun.
+    sky: Option<usize>,
     /// Glowing instances, in rising order; their lights come last in `lights`.
     glowing: Vec<u32>,
     /// For where there are too many lights to weigh them at every point.
@@ -149,6 +162,7 @@ impl LightSampler {
         let lamps = lights.len();
         let previous = previous.and_then(|p| p.image_tables.as_ref());
         let (sky, sun, image_tables) = lights_of(&frame.world, previous);
+        let sky_index = sky.as_ref().map(|_| lamps);
         lights.extend(sky.map(|sky| Box::new(sky) as Box<dyn Emitter>));
         lights.extend(sun.map(|sun| Box::new(sun) as Box<dyn Emitter>));
         let environment = lamps..lights.len();
@@ -166,6 +180,7 @@ impl LightSampler {
             lights,
             lamps,
             environment,
+            sky: sky_index,
             glowing,
             world: frame.world.clone(),
             image_tables,
@@ -187,17 +202,36 @@ impl LightSampler {
         self.lamps > 0 || !self.glowing.is_empty()
     }
 
-    /// A light and a direction to it from a point whose lit side `normal` is on.
+    /// Lights and directions to them from a point whose lit side `normal` is on: one of all lights,
+    /// or the sky and one of the others. Their contributions add up.
     pub fn sample(
         &self,
         point: Vec3A,
         normal: Vec3A,
+        strategy: Strategy,
+        numbers: &LightUse,
+    ) -> [Option<LightSample>; 2] {
+        let receiver = Receiver { point, normal };
+        let one = || {
+            let (index, pmf, u_choice) = self.choose(&receiver, strategy, numbers.choice)?;
+            self.sample_light(index, pmf, &receiver, u_choice, numbers.direction)
+        };
+        let sky = || self.sample_light(self.sky?, 1.0, &receiver, 0.0, numbers.sky_direction);
+        match strategy {
+            Strategy::One => [one(), None],
+            Strategy::SkyApart => [one(), sky()],
+        }
+    }
+
+    fn sample_light(
+        &self,
+        index: usize,
+        pmf: f32,
+        receiver: &Receiver,
         u_choice: f32,
         u: [f32; 2],
     ) -> Option<LightSample> {
-        let receiver = Receiver { point, normal };
-        let (index, pmf, u_choice) = self.choose(&receiver, u_choice)?;
-        let mut sample = self.lights[index].sample(&receiver, u_choice, u)?;
+        let mut sample = self.lights[index].sample(receiver, u_choice, u)?;
         sample.pdf_solid_angle *= pmf;
         Some(sample)
     }
@@ -215,14 +249,20 @@ impl LightSampler {
 
     /// Density [1/sr] with which [`LightSampler::sample`] draws this direction from the
     /// surroundings.
-    pub fn environment_pdf(&self, point: Vec3A, normal: Vec3A, direction: Vec3A) -> f32 {
+    pub fn environment_pdf(
+        &self,
+        point: Vec3A,
+        normal: Vec3A,
+        strategy: Strategy,
+        direction: Vec3A,
+    ) -> f32 {
         let receiver = Receiver { point, normal };
         self.environment
             .clone()
             .map(|index| {
                 let density = self.lights[index].pdf_of_direction(&receiver, direction);
                 if density > 0.0 {
-                    density * self.pmf(index, &receiver)
+                    density * self.pmf(index, strategy, &receiver)
                 } else {
                     0.0
                 }
@@ -237,6 +277,7 @@ impl LightSampler {
         &self,
         ray: &Ray,
         normal: Vec3A,
+        strategy: Strategy,
         from_camera: bool,
     ) -> impl Iterator<Item = LightHit> {
         let receiver = Receiver {
@@ -247,7 +288,7 @@ impl LightSampler {
         let visible = lamps.filter(move |(_, lamp)| !from_camera || lamp.camera_visible());
         visible.filter_map(move |(index, lamp)| {
             let mut hit = lamp.intersect(ray, normal)?;
-            hit.pdf_solid_angle *= self.pmf(index, &receiver);
+            hit.pdf_solid_angle *= self.pmf(index, strategy, &receiver);
             Some(hit)
         })
     }
@@ -260,6 +301,7 @@ impl LightSampler {
         triangle: u32,
         point: Vec3A,
         normal: Vec3A,
+        strategy: Strategy,
         hit: Vec3A,
     ) -> f32 {
         let Ok(index) = self.glowing.binary_search(&instance) else {
@@ -267,15 +309,16 @@ impl LightSampler {
         };
         let index = self.environment.end + index;
         let density = self.lights[index].pdf_of_triangle(triangle, point, hit);
-        density * self.pmf(index, &Receiver { point, normal })
+        density * self.pmf(index, strategy, &Receiver { point, normal })
     }
 
     /// A light, the probability of choosing it, and a fresh random number.
-    fn choose(&self, receiver: &Receiver, u: f32) -> Option<(usize, f32, f32)> {
+    fn choose(&self, receiver: &Receiver, strategy: Strategy, u: f32) -> Option<(usize, f32, f32)> {
         if self.is_chosen_by_power() {
-            return Some(self.by_power.as_ref()?.sample(u));
+            let chosen = self.by_power.as_ref()?.sample(u);
+            return (!self.is_apart(chosen.0, strategy)).then_some(chosen);
         }
-        let (weights, total) = self.weights(receiver);
+        let (weights, total) = self.weights(receiver, strategy);
         if !(total > 0.0) {
             return None;
         }
@@ -299,14 +342,17 @@ impl LightSampler {
     }
 
     /// Probability of choosing a light.
-    fn pmf(&self, index: usize, receiver: &Receiver) -> f32 {
+    fn pmf(&self, index: usize, strategy: Strategy, receiver: &Receiver) -> f32 {
+        if self.is_apart(index, strategy) {
+            return 1.0;
+        }
         if self.is_chosen_by_power() {
             return self
                 .by_power
                 .as_ref()
                 .map_or(0.0, |choice| choice.pmf(index));
         }
-        let (weights, total) = self.weights(receiver);
+        let (weights, total) = self.weights(receiver, strategy);
         if total > 0.0 {
             weights[index] / total
         } else {
@@ -318,10 +364,18 @@ impl LightSampler {
         self.lights.len() > EVALUATED_MAX
     }
 
-    fn weights(&self, receiver: &Receiver) -> ([f32; EVALUATED_MAX], f32) {
+    /// Whether a light has a sample of its own.
+    fn is_apart(&self, index: usize, strategy: Strategy) -> bool {
+        strategy == Strategy::SkyApart && self.sky == Some(index)
+    }
+
+    fn weights(&self, receiver: &Receiver, strategy: Strategy) -> ([f32; EVALUATED_MAX], f32) {
         let mut weights = [0.0; EVALUATED_MAX];
         let mut total = 0.0;
-        for (weight, light) in weights.iter_mut().zip(&self.lights) {
+        for (index, (weight, light)) in weights.iter_mut().zip(&self.lights).enumerate() {
+            if self.is_apart(index, strategy) {
+                continue;
+            }
             // At a lamp's very centre its irradiance has no bound.
             *weight = light.irradiance(receiver).min(WEIGHT_MAX);
             total += *weight;

@@ -120,32 +120,58 @@ fn glowing_square() -> SceneFrame {
     frame
 }
 
+fn numbers(random: &mut Random) -> LightUse {
+    LightUse {
+        choice: random.next(),
+        direction: random.next_2d(),
+        sky_direction: random.next_2d(),
+    }
+}
+
+/// One sample of all lights.
+fn draw(
+    lights: &LightSampler,
+    point: Vec3A,
+    normal: Vec3A,
+    random: &mut Random,
+) -> Option<LightSample> {
+    lights.sample(point, normal, Strategy::One, &numbers(random))[0]
+}
+
 /// Irradiance by light sampling at a receiver, green, and its standard deviation.
-fn irradiance(lights: &LightSampler, point: Vec3A, normal: Vec3A) -> (f32, f32) {
+fn irradiance(
+    lights: &LightSampler,
+    point: Vec3A,
+    normal: Vec3A,
+    strategy: Strategy,
+) -> (f32, f32) {
     let mut random = Random::new(11);
     let samples = 200_000;
     let (mut sum, mut squares) = (0.0f64, 0.0f64);
     for _ in 0..samples {
-        let u_choice = random.next();
-        if let Some(light) = lights.sample(point, normal, u_choice, random.next_2d()) {
+        let drawn = lights.sample(point, normal, strategy, &numbers(&mut random));
+        let value = |light: LightSample| {
             let cos = light.direction.dot(normal).max(0.0);
-            let value = f64::from(light.radiance.y * cos / light.pdf_solid_angle);
-            sum += value;
-            squares += value * value;
-        }
+            f64::from(light.radiance.y * cos / light.pdf_solid_angle)
+        };
+        let value: f64 = drawn.into_iter().flatten().map(value).sum();
+        sum += value;
+        squares += value * value;
     }
     let mean = sum / f64::from(samples);
     let variance = (squares / f64::from(samples) - mean * mean).max(0.0);
     (mean as f32, (variance / f64::from(samples)).sqrt() as f32)
 }
 
-/// Five standard deviations and rounding: error rate 6e-7 a comparison, fewer than 40 of them.
+/// Five standard deviations and rounding: error rate 6e-7 a comparison, fewer than 80 of them.
 fn assert_irradiance(lights: &LightSampler, normal: Vec3A, expected: f32) {
-    let (mean, sigma) = irradiance(lights, Vec3A::ZERO, normal);
-    assert!(
-        (mean - expected).abs() <= 5.0 * sigma + 2e-4 * expected,
-        "{mean} +- {sigma}, expected {expected}"
-    );
+    for strategy in [Strategy::One, Strategy::SkyApart] {
+        let (mean, sigma) = irradiance(lights, Vec3A::ZERO, normal, strategy);
+        assert!(
+            (mean - expected).abs() <= 5.0 * sigma + 2e-4 * expected,
+            "{strategy:?}: {mean} +- {sigma}, expected {expected}"
+        );
+    }
 }
 
 #[test]
@@ -234,7 +260,7 @@ fn glowing_triangles_shine_to_both_sides() {
     let lights = LightSampler::build(&frame, None);
     let expected = PI * 5.0 * form_factor(0.5, 1.0);
     assert_irradiance(&lights, Vec3A::Z, expected);
-    let (mean, sigma) = irradiance(&lights, Vec3A::new(0.0, 0.0, 4.0), -Vec3A::Z);
+    let (mean, sigma) = irradiance(&lights, Vec3A::new(0.0, 0.0, 4.0), -Vec3A::Z, Strategy::One);
     assert!((mean - expected).abs() < 5.0 * sigma);
     assert_eq!(
         emitted_radiance(&frame, 0, 0, Vec2::splat(0.2)),
@@ -253,12 +279,20 @@ fn a_plain_sky_gives_pi_times_its_radiance() {
     assert_eq!(lights.environment_radiance(Vec3A::X), Vec3A::splat(0.7));
 }
 
+#[test]
+fn sky_and_sun_add_up_however_they_are_sampled() {
+    let sun = lamp_above(LightKind::Sun { angle: 0.01 });
+    let irradiance = sun.power.y;
+    let lights = LightSampler::build(&frame_of(vec![sun], plain_world(0.7)), None);
+    assert_irradiance(&lights, Vec3A::Z, irradiance + 0.7 * PI);
+}
+
 /// The density that a ray's hits report for light sampling.
 fn pdf_along(lights: &LightSampler, receiver: &Receiver, direction: Vec3A) -> f32 {
     let ray = Ray::new(receiver.point, direction);
-    let hits = lights.lamps_along(&ray, receiver.normal, false);
+    let hits = lights.lamps_along(&ray, receiver.normal, Strategy::One, false);
     let lamps: f32 = hits.map(|hit| hit.pdf_solid_angle).sum();
-    lamps + lights.environment_pdf(receiver.point, receiver.normal, direction)
+    lamps + lights.environment_pdf(receiver.point, receiver.normal, Strategy::One, direction)
 }
 
 /// Light samples against the density that rays which meet the light by chance report: what multiple
@@ -298,8 +332,7 @@ fn light_samples_follow_the_densities_of_the_rays_that_find_them() {
         };
         let score = test.score(
             |random| {
-                let u = random.next_2d();
-                let drawn = lights.sample(receiver.point, receiver.normal, 0.5, u)?;
+                let drawn = draw(&lights, receiver.point, receiver.normal, random)?;
                 Some(drawn.direction)
             },
             |direction| pdf_along(&lights, &receiver, direction),
@@ -319,8 +352,7 @@ fn glowing_triangles_follow_their_density() {
     };
     let score = test.score(
         |random| {
-            let u_choice = random.next();
-            let drawn = lights.sample(point, normal, u_choice, random.next_2d())?;
+            let drawn = draw(&lights, point, normal, random)?;
             Some(drawn.direction)
         },
         |direction| {
@@ -331,12 +363,18 @@ fn glowing_triangles_follow_their_density() {
                 return 0.0;
             }
             let triangle = if x > y { 0 } else { 2 };
-            lights.emissive_pdf(0, triangle, point, normal, hit)
+            lights.emissive_pdf(0, triangle, point, normal, Strategy::One, hit)
         },
     );
     assert!(score < MAX_SCORE, "{score}");
-    assert_eq!(lights.emissive_pdf(0, 1, point, normal, Vec3A::X), 0.0);
-    assert_eq!(lights.emissive_pdf(3, 0, point, normal, Vec3A::X), 0.0);
+    assert_eq!(
+        lights.emissive_pdf(0, 1, point, normal, Strategy::One, Vec3A::X),
+        0.0
+    );
+    assert_eq!(
+        lights.emissive_pdf(3, 0, point, normal, Strategy::One, Vec3A::X),
+        0.0
+    );
 }
 
 fn many_lamps(count: usize) -> Vec<Light> {
@@ -369,7 +407,9 @@ fn probabilities_of_the_lights_sum_to_one_and_are_what_is_drawn() {
                 point: Vec3A::new(random.next(), random.next(), random.next()) * 8.0,
                 normal: crate::math::warp::sample_sphere(random.next_2d()),
             };
-            let sum: f32 = (0..lights.len()).map(|i| lights.pmf(i, &receiver)).sum();
+            let sum: f32 = (0..lights.len())
+                .map(|i| lights.pmf(i, Strategy::One, &receiver))
+                .sum();
             assert!((sum - 1.0).abs() < 1e-5, "{count}: {sum}");
         }
         let receiver = Receiver {
@@ -379,11 +419,13 @@ fn probabilities_of_the_lights_sum_to_one_and_are_what_is_drawn() {
         let mut observed = vec![0.0; count + 1 + 10];
         let mut expected = vec![0.0; count + 1 + 10];
         for (index, expected) in expected[..=count].iter_mut().enumerate() {
-            *expected = 1e5 * f64::from(lights.pmf(index, &receiver));
+            *expected = 1e5 * f64::from(lights.pmf(index, Strategy::One, &receiver));
         }
         for _ in 0..100_000 {
-            let (index, pmf, rest) = lights.choose(&receiver, random.next()).unwrap();
-            assert!((pmf / lights.pmf(index, &receiver) - 1.0).abs() < 1e-5);
+            let (index, pmf, rest) = lights
+                .choose(&receiver, Strategy::One, random.next())
+                .unwrap();
+            assert!((pmf / lights.pmf(index, Strategy::One, &receiver) - 1.0).abs() < 1e-5);
             assert!((0.0..1.0).contains(&rest));
             observed[index] += 1.0;
         }
@@ -402,11 +444,11 @@ fn irradiance_of_many_lamps_is_the_sum_over_the_lamps() {
         let (point, normal) = (Vec3A::new(3.0, 4.0, 1.0), Vec3A::new(0.0, 0.6, 0.8));
         let (mut sum, mut variance) = (0.0, 0.0);
         for light in &lamps {
-            let (mean, sigma) = irradiance(&sampler(vec![*light]), point, normal);
+            let (mean, sigma) = irradiance(&sampler(vec![*light]), point, normal, Strategy::One);
             sum += mean;
             variance += sigma * sigma;
         }
-        let (mean, sigma) = irradiance(&sampler(lamps), point, normal);
+        let (mean, sigma) = irradiance(&sampler(lamps), point, normal, Strategy::One);
         let sigma = (sigma * sigma + variance).sqrt();
         assert!(
             (mean - sum).abs() < 5.0 * sigma,
@@ -426,7 +468,7 @@ fn rays_meet_lamps_up_to_their_end_and_the_camera_only_those_it_sees() {
     ]);
     let met = |t_max, from_camera| {
         let ray = Ray::segment(Vec3A::ZERO, Vec3A::Z, t_max);
-        let hits = lights.lamps_along(&ray, Vec3A::Z, from_camera);
+        let hits = lights.lamps_along(&ray, Vec3A::Z, Strategy::One, from_camera);
         hits.map(|hit| hit.t).collect::<Vec<f32>>()
     };
     assert_eq!(met(f32::INFINITY, false), [1.5, 2.0, f32::INFINITY]);
@@ -456,8 +498,7 @@ fn extreme_receivers_stay_finite() {
             for _ in 0..50 {
                 let point = Vec3A::new(0.0, 0.0, height);
                 let normal = crate::math::warp::sample_sphere(random.next_2d());
-                let u = random.next();
-                if let Some(light) = lights.sample(point, normal, u, random.next_2d()) {
+                if let Some(light) = draw(&lights, point, normal, &mut random) {
                     let value = light.radiance / light.pdf_solid_angle;
                     assert!(value.is_finite(), "{kind:?} {height}: {light:?}");
                     assert!(light.direction.is_normalized() && light.distance > 0.0);
@@ -474,9 +515,5 @@ fn lamps_without_light_or_area_are_no_lights() {
     let line = lamp_above(LightKind::AreaRectangle { size: [1.0, 0.0] });
     let lights = sampler(vec![dark, line]);
     assert!(lights.is_empty());
-    assert!(
-        lights
-            .sample(Vec3A::ZERO, Vec3A::Z, 0.5, [0.5; 2])
-            .is_none()
-    );
+    assert!(draw(&lights, Vec3A::ZERO, Vec3A::Z, &mut Random::new(15)).is_none());
 }
