@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
+import numpy as np
 
 from .changes import GeometryChanges
 
@@ -13,13 +14,21 @@ from .changes import GeometryChanges
 # a mesh comes back when the next chunk starts with the frames the last one ended with.
 KEPT_EXPORTS = 32
 
+# Bevel interpolates texture coordinates in another order each time it is evaluated, so their last
+# bits are random. Meshes that differ by no more are one mesh: otherwise nothing would be shared
+# between frames. A sixteenth of a texel of a texture of 65536 texels.
+UV_NOISE = 2.0**-20
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class CachedMesh:
     """A mesh the renderer holds."""
 
     handle: Any
     digest: bytes
+    # The same for meshes that differ in texture coordinates only.
+    form: bytes
+    corner_uvs: np.ndarray
     # Name of the layer in `corner_uvs`, empty without one.
     uv_map: str
 
@@ -60,6 +69,7 @@ class ExportCache:
     images: dict[tuple, CachedImage] = field(default_factory=dict)
     statistics: Statistics = field(default_factory=Statistics)
     _last_use: dict[bytes, int] = field(default_factory=dict)
+    _by_form: dict[bytes, list[CachedMesh]] = field(default_factory=dict)
     _changes: GeometryChanges = field(default_factory=GeometryChanges)
     # By address of the evaluated mesh: those of the last export that still hold, and this one's.
     _unchanged: dict[int, EvaluatedMesh] = field(default_factory=dict)
@@ -94,11 +104,32 @@ class ExportCache:
         if mesh is not None:
             self._last_use[mesh.digest] = self.statistics.frames
 
+    def add(self, mesh: CachedMesh) -> None:
+        """Keep a mesh that the renderer holds."""
+        self.meshes[mesh.digest] = mesh
+        self._by_form.setdefault(mesh.form, []).append(mesh)
+        self.statistics.meshes_built += 1
+
+    def same_but_noise(self, form: bytes, corner_uvs: np.ndarray) -> CachedMesh | None:
+        """Return the mesh of that form whose texture coordinates differ by noise at most."""
+        for mesh in self._by_form.get(form, ()):
+            if np.allclose(mesh.corner_uvs, corner_uvs, rtol=0.0, atol=UV_NOISE):
+                return mesh
+        return None
+
+    def _drop(self, digest: bytes) -> None:
+        del self._last_use[digest]
+        mesh = self.meshes.pop(digest, None)
+        if mesh is not None:
+            alike = self._by_form[mesh.form]
+            alike.remove(mesh)
+            if not alike:
+                del self._by_form[mesh.form]
+
     def end_frame(self, seconds: float) -> None:
         """Count a finished export and let go of meshes that have not been used for a while."""
         self.statistics.frames += 1
         self.statistics.seconds += seconds
         oldest = self.statistics.frames - KEPT_EXPORTS
         for digest in [d for d, used in self._last_use.items() if used < oldest]:
-            del self._last_use[digest]
-            self.meshes.pop(digest, None)
+            self._drop(digest)

@@ -28,14 +28,16 @@ class Faces:
     face_materials: np.ndarray  # (F,) slot
     uv_map: str
 
-    def digest(self) -> bytes:
-        """Hash of the content."""
+    def digests(self) -> tuple[bytes, bytes]:
+        """Hash of all but the texture coordinates, and of everything."""
         content = hashlib.blake2b(self.uv_map.encode(), digest_size=16)
         for array in vars(self).values():
-            if isinstance(array, np.ndarray):
+            if isinstance(array, np.ndarray) and array is not self.corner_uvs:
                 content.update(str(array.shape).encode())
                 content.update(array)
-        return content.digest()
+        form = content.digest()
+        content.update(self.corner_uvs)
+        return form, content.digest()
 
 
 def load_mesh(mesh: bpy.types.Mesh, cache: ExportCache, core: Any) -> CachedMesh | None:
@@ -48,15 +50,15 @@ def load_mesh(mesh: bpy.types.Mesh, cache: ExportCache, core: Any) -> CachedMesh
         return None
     faces = read_faces(mesh)
     cache.statistics.meshes_read += 1
-    digest = faces.digest()
-    cached = cache.meshes.get(digest)
+    form, digest = faces.digests()
+    cached = cache.meshes.get(digest) or cache.same_but_noise(form, faces.corner_uvs)
     if cached is None:
         for array in (faces.positions, faces.corner_normals, faces.corner_uvs):
             if not np.isfinite(array).all():
                 raise NotFinite
         handle = core.Mesh(**triangle_arrays(mesh, faces))
-        cached = cache.meshes[digest] = CachedMesh(handle, digest, faces.uv_map)
-        cache.statistics.meshes_built += 1
+        cached = CachedMesh(handle, digest, form, faces.corner_uvs, faces.uv_map)
+        cache.add(cached)
     return cached
 
 

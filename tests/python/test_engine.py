@@ -214,6 +214,31 @@ class TestNothingIsStale:
         animate()
         assert [edited[f] == seen[f] for f in range(1, 6)] == [False, True, True, True, True]
 
+    @pytest.mark.parametrize(
+        ("change", "targets"),
+        [(1e-7, [[1, 2, 3], [4, 5]]), (1e-3, [[1, 2, 3], [2, 3, 4], [5]])],
+        ids=["noise", "edit"],
+    )
+    def test_noise_in_texture_coordinates_is_no_edit(
+        self, shot: Any, change: float, targets: list[list[int]]
+    ) -> None:
+        """Blender's Bevel gives their last bits anew each time it is evaluated."""
+
+        def edit(scene: Any, *_args: Any) -> None:
+            if scene.frame_current == 1:
+                mesh: Any = bpy.data.objects["Plane"].data
+                mesh.uv_layers[0].uv[0].vector.x += change
+                mesh.update()
+
+        bpy.app.handlers.render_post.append(edit)
+        try:
+            animate()
+        finally:
+            bpy.app.handlers.render_post.remove(edit)
+        mesh: Any = bpy.data.objects["Plane"].data
+        assert mesh.uv_layers[0].uv[0].vector.x == pytest.approx(change)
+        assert [rendered for rendered, _ in jobs()] == targets
+
     def test_loading_a_file_empties_the_session(self, shot: Any) -> None:
         SESSION.first_time("a warning")
         bpy.ops.wm.read_factory_settings(use_empty=True)
