@@ -31,6 +31,8 @@ class CachedMesh:
     corner_uvs: np.ndarray
     # Name of the layer in `corner_uvs`, empty without one.
     uv_map: str
+    # Whether texture coordinates were asked for.
+    with_uvs: bool
 
 
 @dataclass(frozen=True)

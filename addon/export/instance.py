@@ -154,8 +154,10 @@ class InstanceTable:
         if owner.type != "MESH":
             return None
         self._check(owner)
+        rows = self._material_rows(owner)
+        textured = any(self.materials.is_textured[row] for row in rows)
         try:
-            mesh = self._mesh(owner)
+            mesh = self._mesh(owner, textured)
         except NotFinite:
             self.warnings.add(owner.name, "has vertices that are not numbers and is left out")
             return None
@@ -164,32 +166,35 @@ class InstanceTable:
         row = self._mesh_rows.setdefault(mesh.digest, len(self.meshes))
         if row == len(self.meshes):
             self.meshes.append(mesh)
-        return Shape(owner.name, row, self._slots(owner, mesh))
+        return Shape(owner.name, row, self._slots(owner, mesh, rows))
 
-    def _mesh(self, owner: bpy.types.Object) -> CachedMesh | None:
+    def _mesh(self, owner: bpy.types.Object, textured: bool) -> CachedMesh | None:
         """The mesh of an evaluated object, read only if it may have changed."""
         entry = self.cache.evaluated(owner)
-        if entry is not None:
+        if entry is not None and (entry.mesh is None or entry.mesh.with_uvs >= textured):
             return entry.mesh
-        mesh = self._load_mesh(owner)
+        mesh = self._load_mesh(owner, textured)
         self.cache.remember(owner, mesh)
         return mesh
 
-    def _load_mesh(self, owner: bpy.types.Object) -> CachedMesh | None:
+    def _load_mesh(self, owner: bpy.types.Object, textured: bool) -> CachedMesh | None:
         # In edit mode the evaluated mesh has no attributes, only the edited BMesh behind it.
         if not owner.data.is_editmode:
-            return load_mesh(owner.data, self.cache, self.core)
+            return load_mesh(owner.data, self.cache, self.core, textured)
         try:
             mesh = owner.to_mesh()
-            return load_mesh(mesh, self.cache, self.core) if mesh else None
+            return load_mesh(mesh, self.cache, self.core, textured) if mesh else None
         finally:
             owner.to_mesh_clear()
 
-    def _slots(self, owner: bpy.types.Object, mesh: CachedMesh) -> tuple[int, int]:
-        """First entry and number of entries in `slot_materials`."""
+    def _material_rows(self, owner: bpy.types.Object) -> list[int]:
+        """Row of the material in each slot; one row where there is no slot."""
         override = self.depsgraph.view_layer_eval.material_override
         materials = [override or slot.material for slot in owner.material_slots] or [override]
-        rows = [self.materials.index(material) for material in materials]
+        return [self.materials.index(material) for material in materials]
+
+    def _slots(self, owner: bpy.types.Object, mesh: CachedMesh, rows: list[int]) -> tuple[int, int]:
+        """First entry and number of entries in `slot_materials`."""
         for row in rows:
             for name in sorted(self.materials.uv_maps[row] - {mesh.uv_map}):
                 self.warnings.add(

@@ -46,6 +46,10 @@ class Closure:
     alpha_image: int = -1
     emission: Color = BLACK
 
+    def has_image(self) -> bool:
+        """Whether a texture replaces one of its values."""
+        return max(self.color_image, self.roughness_image, self.alpha_image) >= 0
+
 
 Closures = list[Closure]
 
@@ -61,6 +65,8 @@ class MaterialTable:
     ranges: list[tuple[int, int]] = field(default_factory=list)
     # UV maps that each material asks for by name.
     uv_maps: list[set[str]] = field(default_factory=list)
+    # Whether each material looks up images.
+    is_textured: list[bool] = field(default_factory=list)
     _rows: dict[int | None, int] = field(default_factory=dict)
 
     def index(self, material: bpy.types.Material | None) -> int:
@@ -73,6 +79,7 @@ class MaterialTable:
             self._rows[key] = len(self.ranges)
             self.ranges.append((len(self.closures), len(closures)))
             self.uv_maps.append(reader.uv_maps)
+            self.is_textured.append(any(closure.has_image() for closure in closures))
             self.closures += closures
         return self._rows[key]
 

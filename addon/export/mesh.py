@@ -40,15 +40,19 @@ class Faces:
         return form, content.digest()
 
 
-def load_mesh(mesh: bpy.types.Mesh, cache: ExportCache, core: Any) -> CachedMesh | None:
+def load_mesh(
+    mesh: bpy.types.Mesh, cache: ExportCache, core: Any, with_uvs: bool
+) -> CachedMesh | None:
     """The renderer's mesh with the content of an evaluated mesh; None if it has no faces.
 
-    Triangles are read and handed over only if no earlier frame held the same content. Raises
-    NotFinite.
+    Triangles are read and handed over only if no earlier frame held the same content. Texture
+    coordinates are left out where no image asks for them: some modifiers, Bevel among them,
+    compute them with other last bits at each evaluation, and the mesh would never be the same
+    twice. Raises NotFinite.
     """
     if len(mesh.polygons) == 0:
         return None
-    faces = read_faces(mesh)
+    faces = read_faces(mesh, with_uvs)
     cache.statistics.meshes_read += 1
     form, digest = faces.digests()
     cached = cache.meshes.get(digest) or cache.same_but_noise(form, faces.corner_uvs)
@@ -57,17 +61,18 @@ def load_mesh(mesh: bpy.types.Mesh, cache: ExportCache, core: Any) -> CachedMesh
             if not np.isfinite(array).all():
                 raise NotFinite
         handle = core.Mesh(**triangle_arrays(mesh, faces))
-        cached = CachedMesh(handle, digest, form, faces.corner_uvs, faces.uv_map)
+        cached = CachedMesh(handle, digest, form, faces.corner_uvs, faces.uv_map, with_uvs)
         cache.add(cached)
     return cached
 
 
-def read_faces(mesh: bpy.types.Mesh) -> Faces:
+def read_faces(mesh: bpy.types.Mesh, with_uvs: bool) -> Faces:
     """Positions, corners and faces of an evaluated mesh."""
     corners = len(mesh.loops)
     attributes = mesh.attributes
     materials = attributes.get("material_index")
-    layer = next((layer for layer in mesh.uv_layers if layer.active_render), None)
+    layers = mesh.uv_layers if with_uvs else ()
+    layer = next((layer for layer in layers if layer.active_render), None)
     face_count = len(mesh.polygons)
     starts = np.empty(face_count, np.int32)
     mesh.polygons.foreach_get("loop_start", starts)
