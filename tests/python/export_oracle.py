@@ -293,6 +293,15 @@ def add_material(name: str, build: Callable[[Any], Any]) -> Any:
     return material
 
 
+def textured_diffuse(tree: Any) -> Any:
+    """Build a Diffuse BSDF with an image for `add_material`."""
+    shader = tree.nodes.new("ShaderNodeBsdfDiffuse")
+    texture = tree.nodes.new("ShaderNodeTexImage")
+    texture.image = bpy.data.images.new("Texture", 1, 1)
+    tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
+    return shader.outputs[0]
+
+
 def contract_table(name: str) -> dict[str, tuple[str, int]]:
     """Rows of a table of src/contract.rs: name -> (dtype, number of axes)."""
     text = (ROOT / "src" / "contract.rs").read_text()

@@ -16,6 +16,7 @@ import pytest
 from addon import core, engine, session
 from addon.engine import DualConeEngine
 from addon.session import SESSION
+from export_oracle import add_material, textured_diffuse
 from shots import animate, moving_cube, read, still, write_single_layer
 
 Render = fake_core.Render
@@ -223,6 +224,8 @@ class TestNothingIsStale:
         self, shot: Any, change: float, targets: list[list[int]]
     ) -> None:
         """Blender's Bevel gives their last bits anew each time it is evaluated."""
+        plane: Any = bpy.data.objects["Plane"]
+        plane.data.materials.append(add_material("Textured", textured_diffuse))
 
         def edit(scene: Any, *_args: Any) -> None:
             if scene.frame_current == 1:

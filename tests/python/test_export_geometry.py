@@ -26,6 +26,7 @@ from export_oracle import (
     export_now,
     placed_meshes,
     scene,
+    textured_diffuse,
     usd_meshes,
     write_usd,
 )
@@ -309,14 +310,6 @@ def test_an_object_in_edit_mode_is_exported() -> None:
     assert [len(mesh.triangles) for mesh in frame.meshes] == [3]
 
 
-def _textured(tree: Any) -> Any:
-    shader = tree.nodes.new("ShaderNodeBsdfDiffuse")
-    texture = tree.nodes.new("ShaderNodeTexImage")
-    texture.image = bpy.data.images.new("Texture", 1, 1)
-    tree.links.new(texture.outputs["Color"], shader.inputs["Color"])
-    return shader.outputs[0]
-
-
 def test_corner_normals_and_uvs_follow_their_corners() -> None:
     owner = add_mesh()
     owner.data.polygons[0].use_smooth = False
@@ -327,7 +320,7 @@ def test_corner_normals_and_uvs_follow_their_corners() -> None:
     assert first.name
     second.active_render = True
     assert not export_now().meshes[0].corner_uvs.any(), "nothing asks for texture coordinates"
-    owner.data.materials.append(add_material("Textured", _textured))
+    owner.data.materials.append(add_material("Textured", textured_diffuse))
     mesh = export_now().meshes[0]
     uv_of_loop = np.arange(2 * corners).reshape(-1, 2)
     owner.data.calc_loop_triangles()
