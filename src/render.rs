@@ -88,7 +88,7 @@ pub fn render(job: &Job, progress: &Progress) -> Result<Vec<Rendered>> {
 struct Prepared {
     accel: Accel,
     lights: LightSampler,
-    light_tree: LightTree,
+    light_tree: Arc<LightTree>,
     see_through: bool,
     scene_size: f32,
 }
@@ -99,8 +99,11 @@ impl Prepared {
         let accel = Accel::build(frame);
         let (lower, upper) = accel.bounds().unwrap_or((Vec3A::ZERO, Vec3A::ONE));
         let lights = LightSampler::build(frame, previous.map(|p| &p.lights));
+        let same_world = previous.filter(|p| p.light_tree.is_of(&frame.world));
+        let build = || Arc::new(LightTree::build(&frame.world, |d| lights.is_sun(d)));
+        let light_tree = same_world.map_or_else(build, |p| p.light_tree.clone());
         Self {
-            light_tree: LightTree::build(&frame.world, |direction| lights.is_sun(direction)),
+            light_tree,
             lights,
             see_through: frame.materials.iter().any(Material::is_see_through),
             scene_size: (upper - lower).length(),

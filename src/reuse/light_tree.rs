@@ -13,8 +13,9 @@
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
-use glam::{DVec3, Mat3A, Vec2, Vec3A};
+use glam::{DVec3, Vec2, Vec3A};
 use rayon::prelude::*;
 
 use crate::math::cone::tan_beta;
@@ -50,7 +51,7 @@ pub struct Leaf {
 
 /// The leaves, which partition the sphere.
 pub struct LightTree {
-    environment_from_world: Mat3A,
+    world: World,
     grid: Grid,
     /// Leaf of each cell of the grid, row by row from the bottom.
     leaf_of_cell: Vec<u32>,
@@ -76,17 +77,13 @@ impl LightTree {
                 world.radiance * Vec3A::from_vec4(image.texel(x, y))
             }
         };
-        Self::of_texels(
-            Grid::new(width, height),
-            texel_radiance,
-            world.environment_from_world,
-        )
+        Self::of_texels(Grid::new(width, height), texel_radiance, world.clone())
     }
 
     fn of_texels(
         grid: Grid,
         texel_radiance: impl Fn(usize, usize) -> Vec3A + Sync,
-        environment_from_world: Mat3A,
+        world: World,
     ) -> Self {
         let cells: Vec<Vec3A> = (0..grid.rows)
             .into_par_iter()
@@ -111,16 +108,28 @@ impl LightTree {
             });
         }
         Self {
-            environment_from_world,
+            world,
             grid,
             leaf_of_cell,
             leaves,
         }
     }
 
+    /// Whether this is the tree of `world`, so that a frame can take over that of another.
+    pub fn is_of(&self, world: &World) -> bool {
+        let same_image = match (&self.world.image, &world.image) {
+            (None, None) => true,
+            (Some(own), Some(other)) => Arc::ptr_eq(own, other),
+            _ => false,
+        };
+        same_image
+            && self.world.radiance == world.radiance
+            && self.world.environment_from_world == world.environment_from_world
+    }
+
     /// The leaf that a direction (unit length, world space, away from the viewer) lies in.
     pub fn leaf(&self, direction: Vec3A) -> &Leaf {
-        let direction = self.environment_from_world * direction;
+        let direction = self.world.environment_from_world * direction;
         let uv = uv_of_direction(direction.normalize_or_zero());
         &self.leaves[self.leaf_of_cell[self.grid.cell_of_uv(uv)] as usize]
     }
@@ -368,6 +377,8 @@ mod tests {
     use super::*;
     use crate::math::statistics::Random;
     use crate::math::warp::sample_sphere;
+    use crate::testing::{image_world, plain_world};
+    use glam::{Mat3A, Vec3};
 
     const WIDTH: usize = 96;
     const HEIGHT: usize = 48;
@@ -386,7 +397,7 @@ mod tests {
     }
 
     fn tree(texel: impl Fn(usize, usize) -> Vec3A + Sync) -> LightTree {
-        LightTree::of_texels(Grid::new(WIDTH, HEIGHT), texel, Mat3A::IDENTITY)
+        LightTree::of_texels(Grid::new(WIDTH, HEIGHT), texel, plain_world(1.0))
     }
 
     fn texel_weight(y: usize, height: usize) -> f64 {
@@ -442,8 +453,7 @@ mod tests {
         let image = tree(|_, _| Vec3A::new(0.1, 0.7, 3.0));
         let world = World {
             radiance: Vec3A::new(0.1, 0.7, 3.0),
-            image: None,
-            environment_from_world: Mat3A::IDENTITY,
+            ..plain_world(1.0)
         };
         let color = LightTree::build(&world, |_| false);
         for tree in [image, color] {
@@ -534,7 +544,7 @@ mod tests {
     fn wide_images_are_averaged_and_keep_their_energy() {
         let (width, height) = (2 * MAX_COLUMNS + 3, 5);
         let bright = |x: usize, _: usize| Vec3A::splat(if x == 4000 { 1e4 } else { 1.0 });
-        let tree = LightTree::of_texels(Grid::new(width, height), bright, Mat3A::IDENTITY);
+        let tree = LightTree::of_texels(Grid::new(width, height), bright, plain_world(1.0));
         assert!(tree.grid.columns <= MAX_COLUMNS && tree.grid.rows == 2);
         let energy: f64 = (tree.leaves.iter())
             .map(|leaf| f64::from(leaf.radiance.x) * f64::from(leaf.solid_angle))
@@ -547,11 +557,34 @@ mod tests {
 
     #[test]
     fn lookups_turn_with_the_world() {
-        let turned =
-            LightTree::of_texels(Grid::new(WIDTH, HEIGHT), sky, Mat3A::from_rotation_z(0.7));
+        let world = World {
+            environment_from_world: Mat3A::from_rotation_z(0.7),
+            ..plain_world(1.0)
+        };
+        let turned = LightTree::of_texels(Grid::new(WIDTH, HEIGHT), sky, world);
         let direction = centre(SUN.0, SUN.1);
         let world = Mat3A::from_rotation_z(-0.7) * direction;
         assert!(turned.leaf(world).radiance.x > 100.0);
         assert!(turned.leaf(direction).radiance.x < 100.0);
+    }
+    #[test]
+    fn a_tree_is_of_its_own_world_only() {
+        let world = image_world([4, 2], |x, _| Vec3::splat(x as f32));
+        let tree = LightTree::build(&world, |_| false);
+        assert!(tree.is_of(&world.clone()));
+        let turned = Mat3A::from_rotation_z(0.7);
+        let others = [
+            image_world([4, 2], |x, _| Vec3::splat(x as f32)),
+            plain_world(1.0),
+            World {
+                radiance: 2.0 * world.radiance,
+                ..world.clone()
+            },
+            World {
+                environment_from_world: turned,
+                ..world.clone()
+            },
+        ];
+        assert!(others.iter().all(|other| !tree.is_of(other)));
     }
 }
