@@ -318,9 +318,13 @@ impl<'a> Tracer<'a> {
         sampler: &Sampler,
     ) -> [Option<LightSample>; 2] {
         let strategy = strategy_at(vertex);
-        let numbers = sampler.light(vertex);
-        let lights = &self.lights;
-        lights.sample(surface.position, surface.normal, strategy, &numbers)
+        self.lights.sample(
+            surface.position,
+            surface.normal,
+            strategy,
+            &sampler.light(vertex),
+            || sampler.sky(vertex),
+        )
     }
 
     /// What a light sample contributes; see [`Tracer::direct`].

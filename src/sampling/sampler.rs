@@ -38,8 +38,6 @@ pub struct LightUse {
     pub choice: f32,
     /// Chooses the direction.
     pub direction: [f32; 2],
-    /// Chooses the direction to the sky, where it has a sample of its own.
-    pub sky_direction: [f32; 2],
 }
 
 /// What continuing a path needs.
@@ -92,12 +90,16 @@ impl Sampler {
     /// Numbers for a light sample at the path's vertex number `vertex`.
     pub fn light(&self, vertex: u32) -> LightUse {
         let [x, y, choice, _] = self.point(vertex, Use::Light);
-        let [sky_x, sky_y, ..] = self.point(vertex, Use::Sky);
         LightUse {
             choice,
             direction: [x, y],
-            sky_direction: [sky_x, sky_y],
         }
+    }
+
+    /// Numbers for a direction to the sky, where it has a sample of its own.
+    pub fn sky(&self, vertex: u32) -> [f32; 2] {
+        let [x, y, ..] = self.point(vertex, Use::Sky);
+        [x, y]
     }
 
     /// Numbers for going on from the path's vertex number `vertex`.

@@ -117,11 +117,13 @@ impl Image {
 
     fn extended(&self, x: i64, y: i64) -> Vec4 {
         let (width, height) = (self.width as i64, self.height as i64);
+        let inside = (0..width).contains(&x) && (0..height).contains(&y);
+        // Divisions are slow, and nearly all texels lie inside.
         let (x, y) = match self.extension {
+            _ if inside => (x, y),
             Extension::Repeat => (x.rem_euclid(width), y.rem_euclid(height)),
             Extension::Extend => (x.clamp(0, width - 1), y.clamp(0, height - 1)),
-            Extension::Clip if x < 0 || y < 0 || x >= width || y >= height => return Vec4::ZERO,
-            Extension::Clip => (x, y),
+            Extension::Clip => return Vec4::ZERO,
         };
         self.texel(x as usize, y as usize)
     }

@@ -17,9 +17,9 @@ use crate::math::{Frame, luminance};
 use crate::sampling::discrete::Discrete;
 use crate::scene::{Image, World};
 
-/// Columns of the sky's grid at most: half a megabyte for each of its tables stays in the cache,
-/// and a finer grid lowers the noise no further once the sun is apart.
-const SKY_WIDTH: usize = 512;
+/// Columns of the sky's grid at most: its tables stay in the fastest caches, and a finer grid lowers
+/// the noise hardly further once the sun is apart.
+const SKY_WIDTH: usize = 128;
 /// Columns of the grid in which the sun is sought: a fifth of its disk for each cell.
 const SUN_WIDTH: usize = 4096;
 /// A sun's cells are at least this share of the brightest cell: its glow in hazy air is sky.

@@ -210,13 +210,14 @@ impl LightSampler {
         normal: Vec3A,
         strategy: Strategy,
         numbers: &LightUse,
+        sky_numbers: impl FnOnce() -> [f32; 2],
     ) -> [Option<LightSample>; 2] {
         let receiver = Receiver { point, normal };
         let one = || {
             let (index, pmf, u_choice) = self.choose(&receiver, strategy, numbers.choice)?;
             self.sample_light(index, pmf, &receiver, u_choice, numbers.direction)
         };
-        let sky = || self.sample_light(self.sky?, 1.0, &receiver, 0.0, numbers.sky_direction);
+        let sky = || self.sample_light(self.sky?, 1.0, &receiver, 0.0, sky_numbers());
         match strategy {
             Strategy::One => [one(), None],
             Strategy::SkyApart => [one(), sky()],

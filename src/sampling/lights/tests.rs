@@ -124,7 +124,6 @@ fn numbers(random: &mut Random) -> LightUse {
     LightUse {
         choice: random.next(),
         direction: random.next_2d(),
-        sky_direction: random.next_2d(),
     }
 }
 
@@ -135,7 +134,7 @@ fn draw(
     normal: Vec3A,
     random: &mut Random,
 ) -> Option<LightSample> {
-    lights.sample(point, normal, Strategy::One, &numbers(random))[0]
+    lights.sample(point, normal, Strategy::One, &numbers(random), || [0.5; 2])[0]
 }
 
 /// Irradiance by light sampling at a receiver, green, and its standard deviation.
@@ -149,7 +148,8 @@ fn irradiance(
     let samples = 200_000;
     let (mut sum, mut squares) = (0.0f64, 0.0f64);
     for _ in 0..samples {
-        let drawn = lights.sample(point, normal, strategy, &numbers(&mut random));
+        let numbers = numbers(&mut random);
+        let drawn = lights.sample(point, normal, strategy, &numbers, || random.next_2d());
         let value = |light: LightSample| {
             let cos = light.direction.dot(normal).max(0.0);
             f64::from(light.radiance.y * cos / light.pdf_solid_angle)
