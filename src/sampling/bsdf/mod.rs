@@ -293,7 +293,8 @@ impl Bsdf {
             (Part::Glossy, self.sample_glossy(rescaled, u)?)
         };
         let (value, pdfs) = self.eval(direction);
-        Some(BsdfSample {
+        // A black surface has no density: dividing by it would spoil the light it emits itself.
+        (self.pdf(pdfs) > 0.0).then_some(BsdfSample {
             direction,
             part,
             value,

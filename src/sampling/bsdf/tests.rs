@@ -201,6 +201,15 @@ fn nothing_is_scattered_below_the_surface() {
 
 /// A shading normal that faces away from the viewer still reflects, upwards.
 #[test]
+fn nothing_is_scattered_by_a_black_surface() {
+    let black = seen_under(0.7);
+    let mut random = Random::new(9);
+    for _ in 0..100 {
+        assert!(black.sample(random.next(), random.next_2d()).is_none());
+    }
+}
+
+#[test]
 fn lobes_survive_a_shading_normal_seen_from_behind() {
     let wo = Vec3A::new(0.995, 0.0, 0.1).normalize();
     let normal = Vec3A::new(-0.4, 0.0, 0.9).normalize();
