@@ -20,7 +20,7 @@ HOST_WHEEL := $(if $(filter Linux,$(shell uname -s)),--zig --compatibility manyl
 CORE_FILES := Cargo.toml Cargo.lock pyproject.toml $(shell find src python -type f -name '*.[rp][sy]*')
 ADDON_FILES := $(shell find addon -type f -not -name '*.pyc')
 
-.PHONY: help demo test lint format test-rust test-python test-blender extension extension-all bench-paper clean
+.PHONY: help demo test lint format test-rust test-python test-blender extension extension-all bench bench-paper clean
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -62,7 +62,10 @@ extension: build/extension.ready ## dist/dualcone-VERSION-PLATFORM.zip for this 
 extension-all: $(TOOLS)/.ready ## the same for all five platforms, cross-built
 	$(TOOLS)/bin/python scripts/build_all.py
 
-bench-paper: $(BPY_NEW)/.ready build/site/.ready ## Table 1 and Figure 3 of the paper, measured again
+bench: $(BPY_NEW)/.ready build/site/.ready ## speed and memory against their targets
+	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/bench.py
+
+bench-paper: $(BPY_NEW)/.ready build/site/.ready ## Table 1 and Figure 3 of the paper, measured again: docs/bench-paper.md
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/bench_paper.py
 
 clean: ## remove what was built, keep what was downloaded

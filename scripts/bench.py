@@ -1,0 +1,105 @@
+"""Speed and memory against their targets.
+
+python scripts/bench.py [--quick] [--rounds 5]
+
+Methods take turns, so that a busy moment of the machine hits all alike; numbers are medians.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Iterator, Sequence
+from statistics import median
+
+import bpy  # noqa: F401  first: it brings its own numpy settings and libraries
+
+from measure import Rendering, Resolution, Sample, machine
+
+FRAME = 31
+SAMPLES = 4
+LIGHTS = {
+    "direct light": {"diffuse_bounces": 0, "glossy_bounces": 0},
+    "4 bounces": {"diffuse_bounces": 4, "glossy_bounces": 4},
+}
+METHODS = {
+    "PATH": {"method": "PATH"},
+    "DUAL_CONE": {"method": "DUAL_CONE", "window": 1, "block": 7},
+}
+Row = tuple[str, str, str]
+
+
+def render_rounds(sample: Sample, size: Resolution, rounds: int) -> dict[str, list[Rendering]]:
+    """Render by every method under every light in turns, after a round that only warms up."""
+    renderings: dict[str, list[Rendering]] = {}
+    for index in range(rounds + 1):
+        for light, bounces in LIGHTS.items():
+            for name, method in METHODS.items():
+                settings = {**bounces, **method, "samples": SAMPLES}
+                rendering = sample.render([FRAME], size, settings)
+                if index > 0:
+                    renderings.setdefault(f"{name}, {light}", []).append(rendering)
+    return renderings
+
+
+def phase(renderings: Sequence[Rendering], *names: str) -> float:
+    """Return the median of the seconds in some phases."""
+    return median(sum(each.seconds[name] for name in names) for each in renderings)
+
+
+def speed_rows(sample: Sample, size: Resolution, rounds: int) -> Iterator[Row]:
+    """Yield rates, the cost of sharing, and memory."""
+    pixels = size[0] * size[1]
+    renderings = render_rounds(sample, size, rounds)
+    for light in LIGHTS:
+        path, dual_cone = (renderings[f"{name}, {light}"] for name in METHODS)
+        # Targets are for direct light, as the paper's numbers are.
+        targets = (">= 1.00", "<= 25 %") if light == "direct light" else ("", "")
+        path_seconds = phase(path, "pass_1")
+        cpu = median(each.sampling_cpu_seconds for each in path)
+        rate = pixels * SAMPLES / 1e6
+        yield f"PATH, {light} [M samples/s]", targets[0], f"{rate / path_seconds:.2f}"
+        cpu_rate = rate * (os.cpu_count() or 1) / cpu
+        yield f"PATH, {light}, had it all cores alone", targets[0], f"{cpu_rate:.2f}"
+        sharing = phase(dual_cone, "pass_2") / path_seconds
+        extra = phase(dual_cone, "pass_1", "pass_2") / path_seconds - 1
+        yield f"DUAL_CONE 7 x 7, {light}: pass 2 over PATH's pass 1", targets[1], f"{sharing:.0%}"
+        yield f"DUAL_CONE 7 x 7, {light}: both passes, extra", targets[1], f"{extra:+.0%}"
+        memory = dual_cone[0].pixel_memory_bytes / pixels
+        yield f"DUAL_CONE, {light} [bytes/pixel/frame]", "<= 100", f"{memory:.0f}"
+
+
+def export_rows(sample: Sample, size: Resolution, rounds: int) -> Iterator[Row]:
+    """Yield what an export costs where nothing, some or all has changed since the one before."""
+    first = sample.export(FRAME, size).seconds
+    read = sample.cache.statistics.meshes_read
+    unchanged, changed = [], []
+    for index in range(1, rounds + 1):
+        changed.append(sample.export(FRAME + index, size).seconds)
+        unchanged.append(sample.export(FRAME + index, size).seconds)
+    read = sample.cache.statistics.meshes_read - read
+    yield f"export, {sample.name}: first frame [ms]", "", f"{first * 1e3:.1f}"
+    yield f"export, {sample.name}: next frame [ms]", "", f"{median(changed) * 1e3:.1f}"
+    yield f"export, {sample.name}: same frame again [ms]", "", f"{median(unchanged) * 1e3:.1f}"
+    yield f"export, {sample.name}: meshes read again", "", str(read)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description="Measure speed and memory.")
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--quick", action="store_true", help="tiny pictures: does it run?")
+    options = parser.parse_args(arguments)
+    size, rounds = ((48, 32), 1) if options.quick else ((720, 480), options.rounds)
+    rows: list[Row] = [("", "target", "reached")]
+    for name in ("stadium", "figure", "loader"):
+        sample = Sample(name)
+        rows += export_rows(sample, size, rounds)
+    rows += speed_rows(sample, size, rounds)
+    print(f"{machine()}; {sample.name}, {size[0]} x {size[1]}, medians of {rounds}")
+    for label, target, reached in rows:
+        print(f"{label:<58}{target:>10}{reached:>10}")
+
+
+if __name__ == "__main__":
+    main()
