@@ -115,7 +115,8 @@ impl Sighting {
 impl PixelSums {
     /// Adds radiance that reaches the camera through this pixel.
     pub fn add_radiance(&mut self, radiance: Vec3A) {
-        // One number that is not finite would spoil the pixel for good.
+        // One number that is not finite would spoil the pixel for good. There should be none.
+        debug_assert!(radiance.is_finite(), "{radiance}");
         if radiance.is_finite() {
             let sum = Vec3A::from(self.radiance) + radiance;
             self.radiance = sum.into();

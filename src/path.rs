@@ -77,19 +77,14 @@ pub struct Continuation {
     pub position: Vec3A,
     /// Shading normal there.
     pub normal: Vec3A,
+    /// How lights were sampled there.
+    pub strategy: Strategy,
     /// Scattering events so far.
     pub bounces: Bounces,
     /// Share of the camera's importance that the path still carries, for Russian roulette.
     pub throughput: f32,
     /// Whether the length of the ray is wanted even where only its visibility matters for light.
     pub wants_distance: bool,
-}
-
-impl Continuation {
-    /// How lights were sampled where the ray starts.
-    fn strategy(&self) -> Strategy {
-        strategy_at(self.bounces.total - 1)
-    }
 }
 
 /// What comes back along a ray, apart by origin. Radiance of lights that light sampling also finds
@@ -180,13 +175,19 @@ impl<'a> Tracer<'a> {
         throughput: f32,
         sampler: &Sampler,
     ) -> Vec3A {
-        let direct = self.direct(surface, from.total, sampler, |bsdf, pdfs| {
-            let pdf = bsdf.pdf(pdfs);
-            LobePdfs {
-                diffuse: pdf,
-                glossy: pdf,
-            }
-        });
+        let direct = self.direct(
+            surface,
+            from.total,
+            strategy_at(from.total),
+            sampler,
+            |bsdf, pdfs| {
+                let pdf = bsdf.pdf(pdfs);
+                LobePdfs {
+                    diffuse: pdf,
+                    glossy: pdf,
+                }
+            },
+        );
         direct.sum() + self.continued(surface, from, throughput, sampler)
     }
 
@@ -213,6 +214,7 @@ impl<'a> Tracer<'a> {
             pdf_solid_angle,
             position: surface.position,
             normal: surface.normal,
+            strategy: strategy_at(from.total),
             bounces: from.after(sample.part),
             throughput: throughput / survival,
             wants_distance: false,
@@ -257,7 +259,7 @@ impl<'a> Tracer<'a> {
                 surface.hit.triangle,
                 from.position,
                 from.normal,
-                from.strategy(),
+                from.strategy,
                 surface.position,
             );
             gathered.lamps += surface.emission * balance(from.pdf_solid_angle, pdf_light);
@@ -273,7 +275,7 @@ impl<'a> Tracer<'a> {
         let radiance = self.lights.environment_radiance(direction);
         let pdf_light =
             self.lights
-                .environment_pdf(from.position, from.normal, from.strategy(), direction);
+                .environment_pdf(from.position, from.normal, from.strategy, direction);
         radiance * balance(from.pdf_solid_angle, pdf_light)
     }
 
@@ -285,7 +287,7 @@ impl<'a> Tracer<'a> {
         };
         let lamps = self
             .lights
-            .lamps_along(&ray, from.normal, from.strategy(), false);
+            .lamps_along(&ray, from.normal, from.strategy, false);
         lamps
             .map(|lamp| lamp.radiance * balance(from.pdf_solid_angle, lamp.pdf_solid_angle))
             .sum()
@@ -297,10 +299,17 @@ impl<'a> Tracer<'a> {
         &self,
         surface: &Surface,
         vertex: u32,
+        strategy: Strategy,
         sampler: &Sampler,
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
-        let lights = self.light_samples(surface, vertex, sampler);
+        let lights = self.lights.sample(
+            surface.position,
+            surface.normal,
+            strategy,
+            &sampler.light(vertex),
+            || sampler.sky(vertex),
+        );
         let mut sum = LobeValues::default();
         for light in lights.into_iter().flatten() {
             let lit = self.lit_by(&light, surface, vertex, sampler, &pdfs);
@@ -310,25 +319,8 @@ impl<'a> Tracer<'a> {
         sum
     }
 
-    /// Directions towards lights, not yet tested for visibility; their contributions add up.
-    pub fn light_samples(
-        &self,
-        surface: &Surface,
-        vertex: u32,
-        sampler: &Sampler,
-    ) -> [Option<LightSample>; 2] {
-        let strategy = strategy_at(vertex);
-        self.lights.sample(
-            surface.position,
-            surface.normal,
-            strategy,
-            &sampler.light(vertex),
-            || sampler.sky(vertex),
-        )
-    }
-
     /// What a light sample contributes; see [`Tracer::direct`].
-    pub fn lit_by(
+    fn lit_by(
         &self,
         light: &LightSample,
         surface: &Surface,

@@ -280,7 +280,11 @@ impl Shoot<'_> {
     ///
     /// Pixels share samples, so only whole pictures are independent.
     pub(crate) fn mean(&mut self, seeds: u32) -> Estimate {
-        let target = self.frames[0].frame;
+        self.mean_of(self.frames[0].frame, seeds)
+    }
+
+    /// The same of the frame `target`.
+    pub(crate) fn mean_of(&mut self, target: i32, seeds: u32) -> Estimate {
         let means: Vec<f64> = (0..seeds)
             .map(|seed| {
                 self.settings.seed = seed;

@@ -127,6 +127,18 @@ impl LightTree {
             && self.world.environment_from_world == world.environment_from_world
     }
 
+    /// Share of the light that comes from leaves with a cone narrower than this; 0 for a black sky.
+    pub fn share_below(&self, tan_beta: f32) -> f32 {
+        let light = |leaf: &Leaf| f64::from(leaf.solid_angle * luminance(leaf.radiance));
+        let all: f64 = self.leaves.iter().map(light).sum();
+        let narrow = self.leaves.iter().filter(|leaf| leaf.tan_beta < tan_beta);
+        if all > 0.0 {
+            (narrow.map(light).sum::<f64>() / all) as f32
+        } else {
+            0.0
+        }
+    }
+
     /// The leaf that a direction (unit length, world space, away from the viewer) lies in.
     pub fn leaf(&self, direction: Vec3A) -> &Leaf {
         let direction = self.world.environment_from_world * direction;

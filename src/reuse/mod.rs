@@ -207,3 +207,6 @@ pub fn with_estimator<W: WithEstimator>(settings: &Settings, work: W) -> W::Outp
         Method::Paper => work.run(&paper::Paper::new(settings)),
     }
 }
+
+#[cfg(test)]
+mod tests;

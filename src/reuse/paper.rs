@@ -44,7 +44,7 @@ use crate::math::Ray;
 use crate::math::cone::overlap_fast;
 use crate::path::{Bounces, Continuation, take_rays};
 use crate::record::{RecordBuffer, Row, RowMut};
-use crate::sampling::{Bsdf, LightClass, LobePdfs, Sampler};
+use crate::sampling::{Bsdf, LobePdfs, Sampler, Strategy};
 use crate::surface::Surface;
 
 /// Smallest cosine between the normals of pixels that share samples (section 4.1).
@@ -242,13 +242,14 @@ fn gather(view: &View, surface: &Surface, sampler: &Sampler) -> Gather {
         };
     };
     let pdf_solid_angle = surface.bsdf.pdf(sample.pdfs);
-    let weight = finite(sample.value.sum() / pdf_solid_angle);
+    let weight = sample.value.sum() / pdf_solid_angle;
     let direction = sample.direction;
     let from = Continuation {
         ray: surface.ray_towards(direction),
         pdf_solid_angle,
         position: surface.position,
         normal: surface.normal,
+        strategy: Strategy::WithoutSky,
         bounces: Bounces::default().after(sample.part),
         throughput: weight.max_element(),
         wants_distance: true,
@@ -270,23 +271,14 @@ fn gather(view: &View, surface: &Surface, sampler: &Sampler) -> Gather {
         carried: if missed {
             open
         } else {
-            finite(weight * gathered.indirect)
+            weight * gathered.indirect
         },
         open,
         own: weight * (gathered.lamps + sun),
     }
 }
 
-/// `light`, or nothing where it is not finite: even with a weight of zero it would spoil a sum.
-fn finite(light: Vec3A) -> Vec3A {
-    if light.is_finite() {
-        light
-    } else {
-        Vec3A::ZERO
-    }
-}
-
-/// Light of lamps and suns by light sampling. The sky's sample is dropped: gather rays find it.
+/// Light of lamps and suns by light sampling; gather rays find the sky.
 fn small_lights(view: &View, surface: &Surface, sampler: &Sampler) -> Vec3A {
     let tracer = &view.tracer;
     let pdfs = |bsdf: &Bsdf, pdfs| {
@@ -296,13 +288,8 @@ fn small_lights(view: &View, surface: &Surface, sampler: &Sampler) -> Vec3A {
             glossy: pdf,
         }
     };
-    let lights = tracer.light_samples(surface, 0, sampler);
-    let small = lights
-        .into_iter()
-        .flatten()
-        .filter(|l| l.class != LightClass::Sky);
-    small
-        .map(|light| tracer.lit_by(&light, surface, 0, sampler, pdfs).sum())
+    tracer
+        .direct(surface, 0, Strategy::WithoutSky, sampler, pdfs)
         .sum()
 }
 

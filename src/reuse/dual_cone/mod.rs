@@ -20,29 +20,27 @@
 
 mod borrow;
 mod records;
+mod sample;
 
-use glam::Vec3A;
 use rayon::prelude::*;
 
 use self::borrow::{Borrow, BorrowRow, Receiver};
-use self::records::{Class, Record};
-use super::{Estimator, Shot, View};
+use self::records::Record;
+use self::sample::Pass;
+use super::{Estimator, View};
 use crate::contract::Settings;
 use crate::error::Result;
 use crate::film::{Film, PixelSums, Region};
 use crate::kernel;
-use crate::path::{Bounces, Continuation, Gathered, take_rays};
+use crate::path::take_rays;
 use crate::record::{RecordBuffer, RowMut};
-use crate::sampling::{LobePdfs, Part};
 use crate::scene::Motion;
-use crate::surface::Surface;
 
 /// Iterations whose hit distances make up R; after them it is frozen, so that later estimates do not
 /// depend on their own samples.
 const REACH_ITERATIONS: u32 = 4;
 /// Half the side of the block of pixels over which R is pooled.
 const REACH_HALF: usize = 2;
-
 /// Method DUAL_CONE.
 pub struct DualCone {
     half_block: usize,
@@ -100,6 +98,7 @@ impl Estimator for DualCone {
         memory: &mut Memory,
         film: Option<&mut Film>,
     ) -> Result<()> {
+        let pass = Pass::new(view, iteration);
         let width = view.region.width;
         let row_length = memory.records.row_length();
         let mut film_rows: Vec<Option<&mut [PixelSums]>> = match film {
@@ -120,7 +119,7 @@ impl Estimator for DualCone {
                 let mut records = RowMut::new(records, width);
                 for x in 0..width {
                     let mut pixel = film.as_deref_mut().map(|row| &mut row[x]);
-                    let sample = sample_pixel(view, x, y, iteration, &mut pixel);
+                    let sample = pass.sample_pixel(x, y, &mut pixel);
                     sample.record.write(&mut records, x);
                     receivers[x] = sample.receiver;
                     if iteration < REACH_ITERATIONS
@@ -173,158 +172,6 @@ impl Estimator for DualCone {
             Ok(())
         })
     }
-}
-
-/// What a pixel's sample of an iteration leaves.
-#[derive(Default)]
-struct PixelSample {
-    record: Record,
-    receiver: Receiver,
-    /// Length of the gather ray [m], where there was one.
-    distance: Option<f32>,
-}
-
-/// Traces one sample; what is the pixel's own goes to `pixel`, what others may borrow is returned.
-fn sample_pixel(
-    view: &View,
-    x: usize,
-    y: usize,
-    iteration: u32,
-    pixel: &mut Option<&mut PixelSums>,
-) -> PixelSample {
-    let shot = view.shoot(x, y, iteration);
-    if let Some(pixel) = pixel {
-        pixel.add_sighting(iteration, &shot.seen);
-        pixel.add_radiance(shot.radiance);
-    }
-    let Some(surface) = &shot.surface else {
-        if let Some(pixel) = pixel {
-            pixel.add_effective_samples(1.0);
-        }
-        return PixelSample::default();
-    };
-    let probability_diffuse = surface.bsdf.probability_diffuse();
-    if let Some(pixel) = pixel {
-        let direct = view
-            .tracer
-            .direct(surface, 0, &shot.sampler, |_, pdfs| LobePdfs {
-                diffuse: probability_diffuse * pdfs.diffuse,
-                glossy: (1.0 - probability_diffuse) * pdfs.glossy,
-            });
-        pixel.add_radiance(direct.sum());
-    }
-    let object = view.window.object(view.index, surface.hit.instance);
-    let mut sample = PixelSample {
-        record: Record::at(surface, object),
-        receiver: Receiver::at(surface),
-        distance: None,
-    };
-    if shot.sampler.scatter(0).lobe < probability_diffuse {
-        gather_diffuse(view, &shot, surface, iteration, pixel, &mut sample);
-    } else if let Some(pixel) = pixel {
-        pixel.add_radiance(gather_glossy(view, &shot, surface));
-    }
-    sample
-}
-
-/// One gather ray off the diffuse part. Its cosine-weighted radiance is for lending, except light of
-/// lamps and suns: light sampling finds it better, and borrowed it would smear their shadows.
-fn gather_diffuse(
-    view: &View,
-    shot: &Shot,
-    surface: &Surface,
-    iteration: u32,
-    pixel: &mut Option<&mut PixelSums>,
-    sample: &mut PixelSample,
-) {
-    let Some(direction) = surface
-        .bsdf
-        .sample_diffuse(shot.sampler.scatter(0).direction)
-    else {
-        return;
-    };
-    let (value, pdfs) = surface.bsdf.eval(direction);
-    let pdf_solid_angle = surface.bsdf.probability_diffuse() * pdfs.diffuse;
-    if !(pdf_solid_angle > 0.0) {
-        return;
-    }
-    let gathered = gather(
-        view,
-        shot,
-        surface,
-        Part::Diffuse,
-        direction,
-        pdf_solid_angle,
-        iteration,
-    );
-    sample.distance = Some(gathered.distance);
-    let class = Class::of(&gathered, || match view.tracer.lights.is_sun(direction) {
-        true => 0.0,
-        false => view.light_tree.leaf(direction).tan_beta,
-    });
-    let (lent, own) = match class {
-        Class::Own => (Vec3A::ZERO, gathered.sum()),
-        Class::Indirect => (gathered.indirect, gathered.lamps),
-        Class::Narrow | Class::Wide => (gathered.environment, gathered.lamps),
-    };
-    if let Some(pixel) = pixel {
-        pixel.add_radiance(own * value.diffuse / pdf_solid_angle);
-    }
-    sample.record.lend(
-        direction,
-        lent / (std::f32::consts::PI * pdf_solid_angle),
-        surface,
-        class,
-    );
-}
-
-fn gather_glossy(view: &View, shot: &Shot, surface: &Surface) -> Vec3A {
-    let numbers = shot.sampler.scatter(0);
-    let probability_glossy = 1.0 - surface.bsdf.probability_diffuse();
-    // The lobe's number was used to choose the part; what is left of it is uniform again.
-    let u_lobe = (numbers.lobe - (1.0 - probability_glossy)) / probability_glossy;
-    let Some(direction) = surface
-        .bsdf
-        .sample_glossy(u_lobe.clamp(0.0, 1.0), numbers.direction)
-    else {
-        return Vec3A::ZERO;
-    };
-    let (value, pdfs) = surface.bsdf.eval(direction);
-    let pdf_solid_angle = probability_glossy * pdfs.glossy;
-    if !(pdf_solid_angle > 0.0) {
-        return Vec3A::ZERO;
-    }
-    let gathered = gather(
-        view,
-        shot,
-        surface,
-        Part::Glossy,
-        direction,
-        pdf_solid_angle,
-        u32::MAX,
-    );
-    gathered.sum() * value.glossy / pdf_solid_angle
-}
-
-fn gather(
-    view: &View,
-    shot: &Shot,
-    surface: &Surface,
-    part: Part,
-    direction: Vec3A,
-    pdf_solid_angle: f32,
-    iteration: u32,
-) -> Gathered {
-    let from = Continuation {
-        ray: surface.ray_towards(direction),
-        pdf_solid_angle,
-        position: surface.position,
-        normal: surface.normal,
-        bounces: Bounces::default().after(part),
-        throughput: 1.0,
-        wants_distance: iteration < REACH_ITERATIONS,
-    };
-    view.tracer.gather(&from, &shot.sampler)
 }
 
 /// R of every pixel: the harmonic mean of the hit distances around it, which follows the nearest

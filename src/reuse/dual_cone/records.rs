@@ -27,7 +27,7 @@ pub const LENT_CLASSES: usize = 3;
 pub const TAN_BETA: [f32; LENT_CLASSES] = [0.1, 0.3, 0.45];
 
 /// Below this tan(beta) a part of the sky is its pixel's own: a 3.4 degree disk, seven suns wide.
-const OWN_BELOW: f32 = 0.03;
+pub const OWN_BELOW: f32 = 0.03;
 /// Below this tan(beta) a part of the sky counts as narrow.
 const NARROW_BELOW: f32 = 0.2;
 

@@ -55,6 +55,8 @@ pub enum Strategy {
     /// The sky, and one of the others: the choice between sky and sun is the largest part of the
     /// noise outdoors, and a ray more is cheaper than the samples that it would take.
     SkyApart,
+    /// One of all but the sky, which scattered rays find.
+    WithoutSky,
 }
 
 /// A direction towards a light.
@@ -202,8 +204,8 @@ impl LightSampler {
         self.lamps > 0 || !self.glowing.is_empty()
     }
 
-    /// Lights and directions to them from a point whose lit side `normal` is on: one of all lights,
-    /// or the sky and one of the others. Their contributions add up.
+    /// Lights and directions to them from a point whose lit side `normal` is on. Their contributions
+    /// add up.
     pub fn sample(
         &self,
         point: Vec3A,
@@ -219,7 +221,7 @@ impl LightSampler {
         };
         let sky = || self.sample_light(self.sky?, 1.0, &receiver, 0.0, sky_numbers());
         match strategy {
-            Strategy::One => [one(), None],
+            Strategy::One | Strategy::WithoutSky => [one(), None],
             Strategy::SkyApart => [one(), sky()],
         }
     }
@@ -317,7 +319,7 @@ impl LightSampler {
     fn choose(&self, receiver: &Receiver, strategy: Strategy, u: f32) -> Option<(usize, f32, f32)> {
         if self.is_chosen_by_power() {
             let chosen = self.by_power.as_ref()?.sample(u);
-            return (!self.is_apart(chosen.0, strategy)).then_some(chosen);
+            return self.is_among(chosen.0, strategy).then_some(chosen);
         }
         let (weights, total) = self.weights(receiver, strategy);
         if !(total > 0.0) {
@@ -344,8 +346,8 @@ impl LightSampler {
 
     /// Probability of choosing a light.
     fn pmf(&self, index: usize, strategy: Strategy, receiver: &Receiver) -> f32 {
-        if self.is_apart(index, strategy) {
-            return 1.0;
+        if !self.is_among(index, strategy) {
+            return f32::from(u8::from(strategy == Strategy::SkyApart));
         }
         if self.is_chosen_by_power() {
             return self
@@ -365,16 +367,16 @@ impl LightSampler {
         self.lights.len() > EVALUATED_MAX
     }
 
-    /// Whether a light has a sample of its own.
-    fn is_apart(&self, index: usize, strategy: Strategy) -> bool {
-        strategy == Strategy::SkyApart && self.sky == Some(index)
+    /// Whether a light is among those of which one is chosen.
+    fn is_among(&self, index: usize, strategy: Strategy) -> bool {
+        strategy == Strategy::One || self.sky != Some(index)
     }
 
     fn weights(&self, receiver: &Receiver, strategy: Strategy) -> ([f32; EVALUATED_MAX], f32) {
         let mut weights = [0.0; EVALUATED_MAX];
         let mut total = 0.0;
         for (index, (weight, light)) in weights.iter_mut().zip(&self.lights).enumerate() {
-            if self.is_apart(index, strategy) {
+            if !self.is_among(index, strategy) {
                 continue;
             }
             // At a lamp's very centre its irradiance has no bound.
