@@ -17,7 +17,7 @@ import bpy  # noqa: F401  first: it brings its own numpy settings and libraries
 from measure import Rendering, Resolution, Sample, machine
 
 FRAME = 31
-SAMPLES = 4
+SAMPLES = 8  # DUAL_CONE measures distances in the first iterations
 LIGHTS = {
     "direct light": {"diffuse_bounces": 0, "glossy_bounces": 0},
     "4 bounces": {"diffuse_bounces": 4, "glossy_bounces": 4},
