@@ -24,7 +24,6 @@ mod shear;
 mod simd;
 mod slabs;
 mod triangles;
-mod vectorised;
 mod wide;
 
 #[cfg(test)]
@@ -32,4 +31,3 @@ mod tests;
 
 pub use instances::InstanceBvh;
 pub use triangles::{TriangleBvh, TriangleHit};
-pub use vectorised::{Vectorised, vectorised};

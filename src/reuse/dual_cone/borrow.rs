@@ -1,23 +1,19 @@
-//! The second pass: eight neighbours at a time.
-#![allow(
-    clippy::needless_range_loop,
-    reason = "a lane is an index into many arrays"
-)]
+//! The second pass: four neighbours at a time.
 
-use glam::Vec3A;
+use glam::{Vec3A, Vec4};
 
 use super::Memory;
 use super::records::{LENT_CLASSES, TAN_BETA, column};
 use crate::film::PixelSums;
-use crate::kernel::Vectorised;
 use crate::record::{PADDING, Row};
 use crate::reuse::View;
 use crate::scene::Motion;
 use crate::surface::Surface;
 
-/// Neighbours at a time.
-const LANES: usize = 8;
-type Lanes = [f32; LANES];
+/// Neighbours at a time, one in each lane of a [`Vec4`]. Left to itself the compiler does one.
+const LANES: usize = 4;
+/// The number of each lane.
+const LANE: Vec4 = Vec4::new(0.0, 1.0, 2.0, 3.0);
 
 /// Smallest cosine between the normals of pixels that share samples (the paper's section 4.1).
 const NORMAL_COSINE: f32 = 0.9;
@@ -38,9 +34,8 @@ const KERNEL_SCALE: f32 = 0.85;
 /// the records' cosines takes a little more. The integral of min(cos_i, 3 cos_j) over both
 /// hemispheres is this line within 0.2 % for cosines from 0.9 on. Dividing by it keeps a uniform sky
 /// uniform on curved surfaces.
-#[inline(always)]
-fn brought(cosine: f32) -> f32 {
-    (0.26 + 0.74 * cosine).min(1.0)
+fn brought(cosine: Vec4) -> Vec4 {
+    (0.74 * cosine + 0.26).min(Vec4::ONE)
 }
 
 /// The pixel that borrows.
@@ -76,33 +71,6 @@ pub struct Borrow<'a> {
     pub iteration: u32,
 }
 
-/// One row of it.
-pub struct BorrowRow<'a, 'b> {
-    pub borrow: &'b Borrow<'a>,
-    pub y: usize,
-    pub pixels: &'b mut [PixelSums],
-}
-
-impl Vectorised for BorrowRow<'_, '_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let memory = &self.borrow.memories[self.borrow.target];
-        let row = memory.records.row(self.y);
-        for (x, pixel) in self.pixels.iter_mut().enumerate() {
-            let Some(block) = self.borrow.block(&row, x, self.y) else {
-                continue;
-            };
-            let mut sums = Sums::default();
-            self.borrow.add_lenders(&block, x, self.y, &mut sums);
-            let receiver = &memory.receivers[self.y * self.borrow.width() + x];
-            pixel.add_radiance(Vec3A::from(receiver.albedo) * sums.irradiance());
-            pixel.add_effective_samples(sums.effective_samples());
-        }
-    }
-}
-
 /// What a pixel looks for in its neighbours.
 struct Block {
     position: Vec3A,
@@ -129,19 +97,35 @@ struct Place {
 /// Weighted sums of each class; one lane each.
 #[derive(Default)]
 struct Sums {
-    weight: [Lanes; LENT_CLASSES],
-    value: [[Lanes; 3]; LENT_CLASSES],
-    /// Squared weights of the indirect class, for the effective number of samples.
-    weight_squared: Lanes,
+    weight: [Vec4; LENT_CLASSES],
+    value: [[Vec4; 3]; LENT_CLASSES],
+    /// Squared weights of the widest class, for the effective number of samples.
+    weight_squared: Vec4,
 }
 
 impl Borrow<'_> {
+    /// Adds what the pixels of row `y` borrow.
+    pub fn add_row(&self, y: usize, pixels: &mut [PixelSums]) {
+        let memory = &self.memories[self.target];
+        let row = memory.records.row(y);
+        for (x, pixel) in pixels.iter_mut().enumerate() {
+            let Some(block) = self.block(&row, x, y) else {
+                continue;
+            };
+            let mut sums = Sums::default();
+            self.add_lenders(&block, x, y, &mut sums);
+            let receiver = &memory.receivers[y * self.width() + x];
+            pixel.add_radiance(Vec3A::from(receiver.albedo) * sums.irradiance());
+            pixel.add_effective_samples(sums.effective_samples());
+        }
+    }
+
     fn width(&self) -> usize {
         self.views[self.target].region.width
     }
 
     /// The block around a pixel, or `None` where it shows no surface.
-    #[inline(always)]
+    #[inline]
     fn block(&self, row: &Row, x: usize, y: usize) -> Option<Block> {
         let vector =
             |first: usize| Vec3A::from_array([0, 1, 2].map(|axis| row.get(first + axis, x)));
@@ -177,7 +161,7 @@ impl Borrow<'_> {
 
     /// Where the block lies in a lender: the same pixel in the target itself; elsewhere around the
     /// projection of the point, which moves with its object.
-    #[inline(always)]
+    #[inline]
     fn place(&self, block: &Block, lender: usize, x: usize, y: usize) -> Option<Place> {
         let half = self.half_block as i64;
         let frame = self.lenders[lender];
@@ -218,7 +202,7 @@ impl Borrow<'_> {
         })
     }
 
-    #[inline(always)]
+    #[inline]
     fn add_lenders(&self, block: &Block, x: usize, y: usize, sums: &mut Sums) {
         let side = 2 * self.half_block + 1;
         for lender in 0..self.lenders.len() {
@@ -241,45 +225,52 @@ impl Borrow<'_> {
 }
 
 impl Sums {
-    /// Adds the first `count` of eight neighbours that start at pixel `x` of a row.
-    #[inline(always)]
+    /// Adds the first `count` of four neighbours that start at pixel `x` of a row.
+    #[inline]
     fn add(&mut self, block: &Block, place: &Place, row: &Row, x: i64, count: usize) {
         let Some(neighbours) = Neighbours::load(row, x) else {
             return;
         };
-        let (shared, distance_squared) = neighbours.shared(block, place, count);
-        if shared == [0.0; LANES] {
+        let offset = neighbours.position - Lanes3::splat(place.position);
+        let distance_squared = offset.dot(&offset);
+        let turned = neighbours
+            .normal
+            .dot(&Lanes3::splat(place.geometric_normal));
+        let mut valid = distance_squared.cmple(Vec4::splat(block.distance_squared))
+            & turned.cmpge(Vec4::splat(NORMAL_COSINE))
+            & LANE.cmplt(Vec4::splat(count as f32));
+        if place.object >= 0.0 {
+            valid &= neighbours.object.cmpeq(Vec4::splat(place.object));
+        }
+        if !valid.any() {
             return;
         }
-        let cosine = neighbours.cosine(block.normal);
+        let brought = brought(turned);
+        let cosine = neighbours.direction.dot(&Lanes3::splat(block.normal));
+        let cosine = cosine.max(Vec4::ZERO).min(neighbours.cosine_limit);
         for class in 0..LENT_CLASSES {
-            for lane in 0..LANES {
-                let falloff = 1.0 - distance_squared[lane] * block.inverse_radius_squared[class];
-                let falloff = falloff.max(0.0);
-                let kernel = falloff * falloff;
-                let weight = kernel * f32::from(u8::from(shared[lane] > 0.0));
-                self.weight[class][lane] += kernel * shared[lane];
-                if class == LENT_CLASSES - 1 {
-                    self.weight_squared[lane] += weight * weight;
-                }
-                let is_class = f32::from(u8::from(neighbours.class[lane] == class as f32));
-                let share = weight * is_class * cosine[lane];
-                for channel in 0..3 {
-                    self.value[class][channel][lane] += share * neighbours.value[channel][lane];
-                }
+            let falloff = Vec4::ONE - distance_squared * block.inverse_radius_squared[class];
+            let falloff = Vec4::select(valid, falloff.max(Vec4::ZERO), Vec4::ZERO);
+            let weight = falloff * falloff;
+            self.weight[class] += weight * brought;
+            if class == LENT_CLASSES - 1 {
+                self.weight_squared += weight * weight;
+            }
+            let of_class = neighbours.class.cmpeq(Vec4::splat(class as f32));
+            let share = Vec4::select(of_class, weight * cosine, Vec4::ZERO);
+            for (sum, value) in self.value[class].iter_mut().zip(neighbours.value.0) {
+                *sum += share * value;
             }
         }
     }
 
     /// Irradiance over pi: the classes' weighted means, added up.
     fn irradiance(&self) -> Vec3A {
-        let total = |lanes: &Lanes| lanes.iter().sum::<f32>();
         let mut irradiance = Vec3A::ZERO;
-        for class in 0..LENT_CLASSES {
-            let weight = total(&self.weight[class]);
+        for (weight, value) in self.weight.iter().zip(&self.value) {
+            let weight = weight.element_sum();
             if weight > 0.0 {
-                let value = Vec3A::from_array(self.value[class].each_ref().map(total));
-                irradiance += value / weight;
+                irradiance += Vec3A::from_array(value.map(Vec4::element_sum)) / weight;
             }
         }
         irradiance
@@ -287,8 +278,8 @@ impl Sums {
 
     /// Samples of equal weight that would be as good, for the widest class.
     fn effective_samples(&self) -> f32 {
-        let sum: f32 = self.weight[LENT_CLASSES - 1].iter().sum();
-        let squares: f32 = self.weight_squared.iter().sum();
+        let sum = self.weight[LENT_CLASSES - 1].element_sum();
+        let squares = self.weight_squared.element_sum();
         if squares > 0.0 {
             sum * sum / squares
         } else {
@@ -297,74 +288,62 @@ impl Sums {
     }
 }
 
-/// Eight records side by side.
-struct Neighbours<'a> {
-    position: [&'a Lanes; 3],
-    normal: [&'a Lanes; 3],
-    direction: [&'a Lanes; 3],
-    value: [&'a Lanes; 3],
-    cosine_limit: &'a Lanes,
-    class: &'a Lanes,
-    object: &'a Lanes,
+/// Four vectors, one axis after the other.
+#[derive(Clone, Copy)]
+struct Lanes3([Vec4; 3]);
+
+impl Lanes3 {
+    #[inline]
+    fn splat(v: Vec3A) -> Self {
+        Self([v.x, v.y, v.z].map(Vec4::splat))
+    }
+
+    #[inline]
+    fn load(row: &Row, first: usize, x: i64) -> Option<Self> {
+        let axis = |axis| row.lanes::<LANES>(first + axis, x).map(|&v| Vec4::from(v));
+        Some(Self([axis(0)?, axis(1)?, axis(2)?]))
+    }
+
+    #[inline]
+    fn dot(&self, other: &Self) -> Vec4 {
+        let ([ax, ay, az], [bx, by, bz]) = (self.0, other.0);
+        ax * bx + ay * by + az * bz
+    }
 }
 
-impl<'a> Neighbours<'a> {
-    #[inline(always)]
-    fn load(row: &Row<'a>, x: i64) -> Option<Self> {
-        let vector = |first: usize| -> Option<[&'a Lanes; 3]> {
-            Some([
-                row.lanes(first, x)?,
-                row.lanes(first + 1, x)?,
-                row.lanes(first + 2, x)?,
-            ])
-        };
+impl std::ops::Sub for Lanes3 {
+    type Output = Self;
+
+    #[inline]
+    fn sub(self, other: Self) -> Self {
+        let ([ax, ay, az], [bx, by, bz]) = (self.0, other.0);
+        Self([ax - bx, ay - by, az - bz])
+    }
+}
+
+/// Four records side by side.
+struct Neighbours {
+    position: Lanes3,
+    normal: Lanes3,
+    direction: Lanes3,
+    value: Lanes3,
+    cosine_limit: Vec4,
+    class: Vec4,
+    object: Vec4,
+}
+
+impl Neighbours {
+    #[inline]
+    fn load(row: &Row, x: i64) -> Option<Self> {
+        let scalar = |column| row.lanes::<LANES>(column, x).map(|&v| Vec4::from(v));
         Some(Self {
-            position: vector(column::POSITION)?,
-            normal: vector(column::NORMAL)?,
-            direction: vector(column::DIRECTION)?,
-            value: vector(column::VALUE)?,
-            cosine_limit: row.lanes(column::COSINE_LIMIT, x)?,
-            class: row.lanes(column::CLASS, x)?,
-            object: row.lanes(column::OBJECT, x)?,
+            position: Lanes3::load(row, column::POSITION, x)?,
+            normal: Lanes3::load(row, column::NORMAL, x)?,
+            direction: Lanes3::load(row, column::DIRECTION, x)?,
+            value: Lanes3::load(row, column::VALUE, x)?,
+            cosine_limit: scalar(column::COSINE_LIMIT)?,
+            class: scalar(column::CLASS)?,
+            object: scalar(column::OBJECT)?,
         })
-    }
-
-    /// For neighbours on the same stretch of surface the part of a uniform sky's irradiance that
-    /// their records bring; zero for other neighbours. And squared distances [m^2].
-    #[inline(always)]
-    fn shared(&self, block: &Block, place: &Place, count: usize) -> (Lanes, Lanes) {
-        let (position, normal) = (place.position.to_array(), place.geometric_normal.to_array());
-        let mut shared = [0.0; LANES];
-        let mut distance_squared = [0.0; LANES];
-        for lane in 0..LANES {
-            let mut squared = 0.0;
-            let mut cosine = 0.0;
-            for axis in 0..3 {
-                let offset = self.position[axis][lane] - position[axis];
-                squared += offset * offset;
-                cosine += self.normal[axis][lane] * normal[axis];
-            }
-            distance_squared[lane] = squared;
-            let same_object = place.object < 0.0 || self.object[lane] == place.object;
-            let near = squared <= block.distance_squared;
-            let is_valid = (lane < count) & near & (cosine >= NORMAL_COSINE) & same_object;
-            shared[lane] = f32::from(u8::from(is_valid)) * brought(cosine);
-        }
-        (shared, distance_squared)
-    }
-
-    /// Cosine of each record's direction at the receiver, limited by the record's own.
-    #[inline(always)]
-    fn cosine(&self, normal: Vec3A) -> Lanes {
-        let normal = normal.to_array();
-        let mut cosine = [0.0; LANES];
-        for lane in 0..LANES {
-            let mut dot = 0.0;
-            for axis in 0..3 {
-                dot += self.direction[axis][lane] * normal[axis];
-            }
-            cosine[lane] = dot.max(0.0).min(self.cosine_limit[lane]);
-        }
-        cosine
     }
 }

@@ -24,14 +24,13 @@ mod sample;
 
 use rayon::prelude::*;
 
-use self::borrow::{Borrow, BorrowRow, Receiver};
+use self::borrow::{Borrow, Receiver};
 use self::records::Record;
 use self::sample::Pass;
 use super::{Estimator, View};
 use crate::contract::Settings;
 use crate::error::Result;
 use crate::film::{Film, PixelSums, Region};
-use crate::kernel;
 use crate::path::take_rays;
 use crate::record::{RecordBuffer, RowMut};
 use crate::scene::Motion;
@@ -164,11 +163,7 @@ impl Estimator for DualCone {
         let rows = film.pixels_mut().par_chunks_mut(view.region.width);
         rows.enumerate().try_for_each(|(y, pixels)| {
             view.check_cancelled()?;
-            kernel::vectorised(BorrowRow {
-                borrow: &borrow,
-                y,
-                pixels,
-            });
+            borrow.add_row(y, pixels);
             Ok(())
         })
     }
