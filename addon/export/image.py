@@ -16,6 +16,7 @@ from .nodes import LUMINANCE
 from .report import Warnings
 
 MAGENTA = (1.0, 0.0, 1.0, 1.0)
+BLACK = (0.0, 0.0, 0.0, 1.0)
 
 SINGLE_CHANNELS = {"RED": 0, "GREEN": 1, "BLUE": 2, "ALPHA": 3}
 
@@ -73,12 +74,17 @@ class ImageTable:
         if key not in self._cache.images:
             pixels = read_pixels(use, self._warnings)
             handle = self._core.Image(pixels, use.extension, use.interpolation)
+            if handle.replaced_texels:  # The mean is that of the texels as they are rendered.
+                pixels[~np.isfinite(pixels).all(axis=-1)] = BLACK
             mean = tuple(float(x) for x in pixels.mean(axis=(0, 1), dtype=np.float64))
             digest = hashlib.blake2b(repr(key[1:3]).encode(), digest_size=16)
             digest.update(pixels)
             self._cache.images[key] = CachedImage(handle, digest.digest(), mean)
             self._cache.statistics.images_built += 1
-        return self._cache.images[key]
+        image = self._cache.images[key]
+        if count := image.handle.replaced_texels:
+            self._warnings.add(use.image.name, f"{count} texels are not numbers and are black")
+        return image
 
 
 def read_pixels(use: ImageUse, warnings: Warnings) -> np.ndarray:

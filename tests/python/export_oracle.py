@@ -59,6 +59,7 @@ class RecordedImage:
     pixels: np.ndarray
     extension: str
     interpolation: str
+    replaced_texels: int = 0
 
 
 @dataclass

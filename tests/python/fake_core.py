@@ -34,6 +34,7 @@ class Image:
     """Holds pixels and how they are read."""
 
     content: tuple[object, ...]
+    replaced_texels: ClassVar[int] = 0
 
     def __init__(self, *content: object) -> None:
         self.content = content

@@ -137,6 +137,114 @@ class TestPasses:
         np.testing.assert_array_equal(cut, whole[3:6, 2:6])
 
 
+def lit_by(image: Any) -> Any:
+    """A world that shows an equirectangular image."""
+    world: Any = bpy.data.worlds.new("Sky")
+    if bpy.app.version < (5, 0, 0):
+        world.use_nodes = True
+    tree = world.node_tree
+    texture = tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = image
+    tree.links.new(texture.outputs["Color"], tree.nodes["Background"].inputs["Color"])
+    return world
+
+
+def glowing(image: Any) -> Any:
+    """A material that emits an image's colour."""
+    material: Any = bpy.data.materials.new("Screen")
+    if bpy.app.version < (5, 0, 0):
+        material.use_nodes = True
+    tree = material.node_tree
+    texture, emission = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexImage", "Emission"))
+    texture.image = image
+    tree.links.new(texture.outputs["Color"], emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    return material
+
+
+def missing_image(folder: Path) -> Any:
+    """An image whose file does not exist."""
+    image: Any = bpy.data.images.new("gone.png", 2, 2)
+    image.source, image.filepath = "FILE", str(folder / "gone.png")
+    image.reload()
+    return image
+
+
+def broken_sky() -> Any:
+    """A grey HDRI of 16 x 8 texels: one of them is NaN, one infinite.
+
+    It is not written to a file, because Blender 4.2 reads infinity from a file as 1e16.
+    """
+    image: Any = bpy.data.images.new("sky.exr", 16, 8, float_buffer=True)
+    texels = np.full((8, 16, 4), 0.5, np.float32)
+    texels[..., 3] = 1.0
+    texels[5, 3, 1], texels[6, 9, 0] = np.nan, np.inf
+    image.pixels.foreach_set(texels.reshape(-1))
+    return image
+
+
+def messages(caplog: pytest.LogCaptureFixture) -> str:
+    return "\n".join(record.getMessage() for record in caplog.records)
+
+
+def look_at_the_sky(scene: Any) -> None:
+    """Leave only the camera, turned up, with a wide lens."""
+    for thing in list(bpy.data.objects):
+        if thing != scene.camera:
+            bpy.data.objects.remove(thing)
+    scene.camera.rotation_euler = (2.0, 0.0, 0.0)
+    scene.camera.data.lens = 8.0
+
+
+@pytest.mark.parametrize("method", ["DUAL_CONE", "PATH"])
+class TestBadImages:
+    def test_a_missing_texture_is_magenta_and_named(
+        self,
+        shot: Any,
+        seen: Frames,
+        tmp_path: Path,
+        caplog: pytest.LogCaptureFixture,
+        method: str,
+    ) -> None:
+        shot.dualcone.method = method
+        bpy.data.objects.remove(bpy.data.objects["Cube"])
+        plane: Any = bpy.data.objects["Plane"].data
+        plane.materials.append(glowing(missing_image(tmp_path)))
+        shot.camera.location, shot.camera.rotation_euler = (0.0, 0.0, 5.0), (0.0, 0.0, 0.0)
+        magenta = np.broadcast_to((1.0, 0.0, 1.0, 1.0), (ROWS, COLUMNS, 4))
+        np.testing.assert_allclose(still_combined(shot, 1, seen), magenta, atol=1e-6)
+        assert "'gone.png': image cannot be read" in messages(caplog)
+
+    def test_a_missing_sky_is_magenta_and_named(
+        self,
+        shot: Any,
+        seen: Frames,
+        tmp_path: Path,
+        caplog: pytest.LogCaptureFixture,
+        method: str,
+    ) -> None:
+        shot.dualcone.method = method
+        look_at_the_sky(shot)
+        shot.world = lit_by(missing_image(tmp_path))
+        magenta = np.broadcast_to((1.0, 0.0, 1.0, 1.0), (ROWS, COLUMNS, 4))
+        np.testing.assert_allclose(still_combined(shot, 1, seen), magenta, atol=1e-6)
+        assert "'gone.png': image cannot be read" in messages(caplog)
+
+    def test_a_sky_with_texels_that_are_no_numbers(
+        self, shot: Any, seen: Frames, caplog: pytest.LogCaptureFixture, method: str
+    ) -> None:
+        shot.dualcone.method = method
+        shot.world = lit_by(broken_sky())
+        lit = still_combined(shot, 1, seen)
+        assert np.isfinite(lit).all()
+        assert lit[..., :3].mean() > 0.1
+        assert "'sky.exr': 2 texels are not numbers and are black" in messages(caplog)
+        look_at_the_sky(shot)
+        sky = still_combined(shot, 1, seen)
+        assert np.isfinite(sky).all()
+        assert sky[..., :3].max() <= 0.5 + 1e-6
+
+
 class TestBadGeometry:
     def test_triangles_without_area(self, shot: Any, seen: Frames) -> None:
         mesh = bpy.data.objects["Cube"].data

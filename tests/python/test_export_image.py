@@ -19,6 +19,8 @@ from export_oracle import (
     scene,
 )
 
+import dualcone
+
 TEXELS = np.array(
     [
         [(0, 51, 102, 255), (255, 204, 128, 128)],
@@ -142,6 +144,18 @@ def test_a_missing_file_is_magenta_and_named(tmp_path: Path) -> None:
     assert (
         f"'texels.png': image cannot be read ({path}), magenta is shown instead" in frame.warnings
     )
+
+
+def test_texels_that_are_no_numbers_are_counted_in_every_frame_and_leave_the_mean_finite() -> None:
+    image: Any = bpy.data.images.new("Holes", 2, 2, float_buffer=True)
+    image.pixels.foreach_set(np.array([1, 1, 1, 1, np.nan, 1, 1, 1] * 2, np.float32))
+    emitting_plane(image, with_alpha=False)
+    cache = export.ExportCache()
+    for _ in range(2):
+        frame = export_now(cache, dualcone)
+        assert "'Holes': 2 texels are not numbers and are black" in frame.warnings
+    (cached,) = cache.images.values()
+    np.testing.assert_allclose(cached.mean, (0.5, 0.5, 0.5, 1.0))
 
 
 def test_a_packed_image_needs_no_file(tmp_path: Path) -> None:
