@@ -246,10 +246,10 @@ pub(crate) struct Shoot<'a> {
 }
 
 impl Shoot<'_> {
-    /// The Combined pass of the frames `targets`.
-    pub(crate) fn pictures(&self, targets: &[i32]) -> Vec<Vec<f32>> {
+    /// The job of rendering the frames `targets`.
+    pub(crate) fn job(&self, targets: &[i32]) -> Job {
         let (width, height) = (self.size, self.size);
-        let job = Job {
+        Job {
             frames: self.frames.to_vec(),
             targets: targets.to_vec(),
             step: 1,
@@ -263,7 +263,12 @@ impl Shoot<'_> {
             },
             settings: self.settings.clone(),
             threads: self.threads,
-        };
+        }
+    }
+
+    /// The Combined pass of the frames `targets`.
+    pub(crate) fn pictures(&self, targets: &[i32]) -> Vec<Vec<f32>> {
+        let job = self.job(targets);
         let rendered = render(&job, &Progress::default()).unwrap();
         let combined = |r: Rendered| {
             let passes = r.passes.into_iter();

@@ -27,7 +27,8 @@ pub fn overlap(g: f32) -> f32 {
 ///
 /// `C = (1 - g)^1.5 P(g)`: the power is the exact behaviour at g = 1, P the least-maximum cubic.
 pub fn overlap_fast(g: f32) -> f32 {
-    let rest = (1.0 - g.max(0.0)).max(0.0);
+    let g = g.clamp(0.0, 1.0);
+    let rest = 1.0 - g;
     let cubic = 1.000_031_6 + g * (0.226_086_5 + g * (-0.031_473_8 + g * 0.005_803));
     rest * rest.sqrt() * cubic
 }
@@ -73,6 +74,13 @@ mod tests {
 
     fn exact(g: f64) -> f64 {
         std::f64::consts::FRAC_2_PI * (g.acos() - g * (1.0 - g * g).sqrt())
+    }
+
+    #[test]
+    fn a_shift_without_bound_leaves_nothing() {
+        for g in [1.0, 2.0, f32::INFINITY] {
+            assert_eq!((overlap(g), overlap_fast(g)), (0.0, 0.0));
+        }
     }
 
     #[test]

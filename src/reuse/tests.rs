@@ -234,3 +234,47 @@ fn lenders_follow_from_the_frame_alone() {
     let both = window_frames(&with(Method::DualCone, 3), &[2, 3], 1);
     assert_eq!(both, [1, 2, 3, 4]);
 }
+
+#[test]
+fn a_time_limit_ends_early_with_a_picture() {
+    let frames = [yard(1)];
+    let settings = Settings {
+        samples: 60_000,
+        time_limit: 0.02,
+        ..settings(Method::Path)
+    };
+    let picture = shoot(&frames, settings).pictures(&[1]).concat();
+    assert!(picture.iter().all(|value| value.is_finite()));
+    assert!(picture.iter().sum::<f32>() > 0.0);
+}
+
+#[test]
+fn a_frame_whose_scene_is_missing_is_named() {
+    let frames = [yard(1), yard(2)];
+    let job = shoot(&frames, settings(Method::DualCone)).job(&[2]);
+    let error = crate::render::render(&job, &Progress::default());
+    let message = error.err().map(|error| error.to_string());
+    assert_eq!(
+        message.as_deref(),
+        Some("frame 3: the frames around it need its scene")
+    );
+}
+
+#[test]
+fn a_cancelled_render_ends_without_a_picture() {
+    let frames = [yard(1)];
+    let settings = Settings {
+        samples: 60_000,
+        ..settings(Method::Path)
+    };
+    let job = shoot(&frames, settings).job(&[1]);
+    let progress = Progress::default();
+    std::thread::scope(|scope| {
+        let render = scope.spawn(|| crate::render::render(&job, &progress));
+        while progress.rays() == 0 {
+            std::thread::yield_now();
+        }
+        progress.cancel();
+        assert_eq!(render.join().unwrap().err(), Some(Error::Cancelled));
+    });
+}
