@@ -24,13 +24,23 @@ pub struct Surface {
     pub emission: Vec3A,
     /// Distance along the ray.
     pub distance: f32,
+    /// Height [m] above the triangle below which a ray may meet it again.
+    clearance: f32,
 }
+
+/// [`Surface::clearance`] per metre of the triangle. The test of a ray against a triangle rounds
+/// the corners relative to the ray's origin, so its error grows with the triangle: eight units in
+/// the last place of the longest edge.
+const CLEARANCE: f32 = 8.0 * f32::EPSILON;
 
 impl Surface {
     /// A ray from the surface that does not meet it again at once.
     pub fn ray_towards(&self, direction: Vec3A) -> Ray {
         Ray::new(
-            offset_origin(self.position, self.geometric_normal),
+            offset_origin(
+                self.position + self.clearance * self.geometric_normal,
+                self.geometric_normal,
+            ),
             direction,
         )
     }
@@ -50,7 +60,9 @@ pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray) -> Surface {
         .world_from_object
         .transform_point3a(interpolate(&corners, barycentric));
     let wo = -ray.direction.normalize();
-    let normal_object = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+    let edges = [corners[1] - corners[0], corners[2] - corners[0]];
+    let [one, other] = edges.map(|e| instance.world_from_object.transform_vector3a(e).abs());
+    let normal_object = edges[0].cross(edges[1]);
     let geometric_normal = towards(wo, instance.world_from_normal * normal_object);
     let corner_normals = mesh.corner_normals[hit.triangle as usize].map(Vec3A::from);
     let shading = instance.world_from_normal * interpolate(&corner_normals, barycentric);
@@ -69,6 +81,7 @@ pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray) -> Surface {
         bsdf,
         emission,
         distance: hit.t,
+        clearance: CLEARANCE * one.max(other).max_element(),
     }
 }
 
@@ -175,6 +188,67 @@ impl<'a> Textures<'a> {
             alpha.clamp(0.0, 1.0)
         } else {
             1.0
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::Accel;
+    use crate::math::warp::sample_cosine_hemisphere;
+    use crate::testing::{Scene, diffuse, mesh, square};
+    use glam::{Affine3A, Quat, Vec3};
+
+    /// Points of the unit square that leave no large gaps (additive recurrence).
+    fn spread(i: u32) -> [f32; 2] {
+        [0.754_877_7, 0.569_840_3].map(|step: f64| (f64::from(i) * step).fract() as f32)
+    }
+
+    /// How many of the rays that leave a plane of `size` m, seen from 100 m above near its middle,
+    /// meet it again.
+    fn shadowed_by_itself(size: f32, turn: Quat, is_scaled: bool) -> usize {
+        let mut scene = Scene::new();
+        let half = Vec3::splat(0.5 * size);
+        let turned = Affine3A::from_quat(turn);
+        if is_scaled {
+            scene.add(square(), turned * Affine3A::from_scale(half), diffuse(0.8));
+        } else {
+            let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+            let vertices = corners.map(|[x, y]| half * Vec3::new(x, y, 0.0));
+            let plane = mesh(&vertices, &[[0, 1, 2], [0, 2, 3]]);
+            scene.add(plane, turned, diffuse(0.8));
+        }
+        let frame = scene.frame(1);
+        let accel = Accel::build(&frame);
+        let meets_itself = |i: &u32| {
+            let [x, y] = spread(*i).map(|u| (u - 0.5) * size.min(300.0) * 0.9);
+            let eye = turned.transform_point3a(Vec3A::new(0.0, 0.0, 100.0));
+            let target = turned.transform_point3a(Vec3A::new(x, y, 0.0));
+            let ray = Ray::new(eye, target - eye);
+            let hit = accel.closest_hit(&frame, &ray).unwrap();
+            let surface = at(&frame, &hit, &ray);
+            let [u, v] = spread(i + 7);
+            let up = sample_cosine_hemisphere([v, u]).with_z(0.01 + 0.3 * u);
+            let direction = turned.transform_vector3a(up).normalize();
+            accel.occluded(&frame, &surface.ray_towards(direction))
+        };
+        (1..4000).filter(meets_itself).count()
+    }
+
+    #[test]
+    fn no_plane_shadows_itself_however_large() {
+        let turns = [
+            Quat::IDENTITY,
+            Quat::from_euler(glam::EulerRot::XYZ, 0.4, -0.7, 1.1),
+        ];
+        for size in [0.1, 10.0, 3000.0, 1e5] {
+            for turn in turns {
+                for is_scaled in [false, true] {
+                    let count = shadowed_by_itself(size, turn, is_scaled);
+                    assert_eq!(count, 0, "{size} m, {turn}, scaled: {is_scaled}");
+                }
+            }
         }
     }
 }
