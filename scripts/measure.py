@@ -87,7 +87,8 @@ class Sample:
     def make_overcast(self) -> None:
         """Swap world and lamps for the overcast sky of the sample `figure`."""
         scene = bpy.context.scene
-        with bpy.data.libraries.load(str(SAMPLES / "figure.blend")) as (source, target):
+        libraries: Any = bpy.data.libraries  # the stubs say that load returns nothing
+        with libraries.load(str(SAMPLES / "figure.blend")) as (source, target):
             target.worlds = source.worlds[:1]
         scene.world = target.worlds[0]
         for lamp in [each for each in scene.objects if each.type == "LIGHT"]:
