@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 import dualcone
 import local_addon
-from dualcone import _core
+from dualcone import dualcone as core
 
 local_addon.load()
 from addon.export.cache import ExportCache  # noqa: E402
@@ -120,7 +120,7 @@ class Sample:
         exported = [self.exported(number, resolution) for number in numbers]
         frames = [dualcone.SceneFrame(e.frame, e.meshes, e.images, e.arrays) for e in exported]
         width, height = resolution
-        region: _core.Region = {
+        region: core.Region = {
             "width": width,
             "height": height,
             "x_min": 0,
@@ -210,7 +210,7 @@ def reference(
 @cache
 def core_digest() -> bytes:
     """Hash of the compiled module."""
-    return hashlib.blake2b(Path(str(_core.__file__)).read_bytes(), digest_size=16).digest()
+    return hashlib.blake2b(Path(str(core.__file__)).read_bytes(), digest_size=16).digest()
 
 
 def enlarged(picture: NDArray[Any], times: int) -> NDArray[Any]:

@@ -1,4 +1,4 @@
-//! The Python module `dualcone._core`: checks, lets go of the interpreter, calls, wraps.
+//! The Python module `dualcone.dualcone`: checks, lets go of the interpreter, calls, wraps.
 
 mod arrays;
 mod contract;
@@ -17,7 +17,7 @@ impl From<Error> for PyErr {
 }
 
 #[pymodule]
-mod _core {
+mod dualcone {
     #[pymodule_export]
     use super::contract::{contract, window_frames};
     #[pymodule_export]
