@@ -1,12 +1,12 @@
-//! Rays per second of the kernel beside those of obvhs's own CWBVH traversal, on one thread.
+//! Rays per second of the kernel beside those of obvhs's own CWBVH traversal, on one thread, and
+//! what it takes to fit a tree to a deformed mesh beside building one.
 //!
-//! `cargo bench --bench accel`. The table at the end alternates between the two within one run, so
-//! that its ratios do not depend on how fast the machine is at the moment.
+//! `cargo bench --bench accel`. Each pair takes turns within one run, so that the ratios do not
+//! depend on how fast the machine is at the moment.
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-use criterion::{Criterion, Throughput};
 use dualcone::kernel::TriangleBvh;
 use dualcone::math::{Frame, Ray};
 use glam::{Vec3, Vec3A, vec3};
@@ -56,6 +56,8 @@ fn landscape(n: u32, stones: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 
 /// Everything that is traced, both ways.
 struct Subject {
+    positions: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
     corners: Vec<Triangle>,
     kernel: TriangleBvh,
     obvhs: CwBvh,
@@ -78,6 +80,8 @@ impl Subject {
             corners: in_order.collect(),
             kernel: TriangleBvh::build(&positions, &triangles),
             obvhs,
+            positions,
+            triangles,
         }
     }
 
@@ -88,6 +92,25 @@ impl Subject {
 
     fn any(&self, rays: &[Ray]) -> usize {
         rays.iter().filter(|ray| self.kernel.occluded(ray)).count()
+    }
+
+    /// Builds and fits the tree in turn, for a swell that runs through the hills.
+    fn compare_refit(&self) {
+        let swell = |p: &Vec3| *p + 0.1 * Vec3::Z * (2.0 * p.x).sin();
+        let moved: Vec<Vec3> = self.positions.iter().map(swell).collect();
+        let mut best = [Duration::MAX; 2];
+        for _ in 0..3 {
+            let start = Instant::now();
+            black_box(TriangleBvh::build(&moved, &self.triangles));
+            let middle = Instant::now();
+            black_box(self.kernel.refitted(&moved, &self.triangles));
+            best = [best[0].min(middle - start), best[1].min(middle.elapsed())];
+        }
+        let [build, refit] = best.map(|time| 1e3 * time.as_secs_f64());
+        println!(
+            "tree             build {build:.1} ms, refit {refit:.1} ms {:14.3}",
+            refit / build
+        );
     }
 
     fn obvhs_closest(&self, rays: &[Ray]) -> f32 {
@@ -151,47 +174,22 @@ fn gather_rays(bvh: &TriangleBvh, rays: &[Ray], triangles: &[Triangle], ids: &[u
 }
 
 fn main() {
-    let mut criterion = Criterion::default()
-        .sample_size(10)
-        .warm_up_time(Duration::from_millis(200))
-        .measurement_time(Duration::from_secs(1))
-        .configure_from_args();
     for (name, n, stones) in [("hills 54k", 110, 50), ("hills 1M", 650, 300)] {
         let subject = Subject::new(n, stones);
         let primary = primary_rays(256);
         let ids = &subject.obvhs.primitive_indices;
         let gather = gather_rays(&subject.kernel, &primary, &subject.corners, ids);
-        let mut group = criterion.benchmark_group(name);
-        group.throughput(Throughput::Elements(primary.len() as u64));
-        group.bench_function("primary", |b| b.iter(|| subject.closest(&primary)));
-        group.throughput(Throughput::Elements(gather.len() as u64));
-        group.bench_function("gather closest", |b| b.iter(|| subject.closest(&gather)));
-        group.bench_function("gather any", |b| b.iter(|| subject.any(&gather)));
-        group.finish();
         println!("\n{name:16}    kernel     obvhs  (Mrays/s)   ratio");
-        let table = [
-            compare(
-                &primary,
-                |rays| subject.closest(rays),
-                |rays| subject.obvhs_closest(rays),
-            ),
-            compare(
-                &gather,
-                |rays| subject.closest(rays),
-                |rays| subject.obvhs_closest(rays),
-            ),
-            compare(
-                &gather,
-                |rays| subject.any(rays),
-                |rays| subject.obvhs_any(rays),
-            ),
-        ];
-        for (pass, [ours, theirs]) in ["primary", "gather closest", "gather any"]
-            .iter()
-            .zip(table)
-        {
+        let row = |pass: &str, [ours, theirs]: [f64; 2]| {
             println!("{pass:16} {ours:9.2} {theirs:9.2} {:20.2}", ours / theirs);
-        }
+        };
+        let closest =
+            |rays: &[Ray]| compare(rays, |r| subject.closest(r), |r| subject.obvhs_closest(r));
+        row("primary", closest(&primary));
+        row("gather closest", closest(&gather));
+        let any = compare(&gather, |r| subject.any(r), |r| subject.obvhs_any(r));
+        row("gather any", any);
+        subject.compare_refit();
     }
 }
 

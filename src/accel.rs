@@ -4,12 +4,14 @@
 //! are those of a loop over all instances and triangles: of equal ones that of the smallest
 //! instance, then the smallest triangle, counts.
 
+use std::collections::HashMap;
+
 use glam::{Affine3A, Vec3A};
 use rayon::prelude::*;
 
 use crate::kernel::{InstanceBvh, TriangleHit};
 use crate::math::Ray;
-use crate::scene::{Instance, SceneFrame};
+use crate::scene::{Instance, Mesh, SceneFrame};
 
 /// Where a ray meets the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,9 +48,12 @@ pub struct Accel {
 
 impl Accel {
     /// Builds what is missing: the trees of the frame's meshes, then the one over its instances.
-    pub fn build(frame: &SceneFrame) -> Self {
-        frame.meshes.par_iter().for_each(|mesh| {
-            mesh.bvh();
+    /// Meshes that have only been deformed since the frame `before` take over its trees.
+    pub fn build(frame: &SceneFrame, before: Option<&SceneFrame>) -> Self {
+        let earlier = before.map_or_else(|| vec![None; frame.meshes.len()], |b| earlier(frame, b));
+        let meshes = frame.meshes.par_iter().zip(earlier);
+        meshes.for_each(|(mesh, earlier)| {
+            mesh.bvh_after(earlier);
         });
         let boxes: Vec<_> = (0u32..)
             .zip(&frame.instances)
@@ -116,6 +121,18 @@ impl Accel {
     }
 }
 
+/// For each mesh of `frame` the one that the same instance had in the frame `before`.
+fn earlier<'a>(frame: &SceneFrame, before: &'a SceneFrame) -> Vec<Option<&'a Mesh>> {
+    let named = before.instances.iter().map(|i| (i.key, i.mesh));
+    let mesh_of_key: HashMap<u64, u32> = named.collect();
+    let mut earlier = vec![None; frame.meshes.len()];
+    for instance in &frame.instances {
+        let mesh = mesh_of_key.get(&instance.key);
+        earlier[instance.mesh as usize] = mesh.map(|&m| &*before.meshes[m as usize]);
+    }
+    earlier
+}
+
 fn object_ray(instance: &Instance, ray: &Ray, t_max: f32) -> Ray {
     let object_from_world = &instance.object_from_world;
     Ray {
@@ -148,7 +165,7 @@ mod tests {
     use crate::contract::{Given, Numbers};
     use crate::kernel::TriangleBvh;
     use crate::math::statistics::Random;
-    use crate::scene::{Camera, Mesh, World};
+    use crate::scene::{Camera, World};
     use glam::{EulerRot, Mat3A, Mat4, Quat, Vec3};
     use std::sync::Arc;
 
@@ -165,6 +182,12 @@ mod tests {
             })
             .flatten()
             .collect();
+        Arc::new(mesh_of(&vertices))
+    }
+
+    /// A triangle of each three vertices.
+    fn mesh_of(vertices: &[f32]) -> Mesh {
+        let count = vertices.len() / 9;
         let triangles: Vec<u32> = (0..3 * count as u32).collect();
         let (normals, uvs) = (vec![0.0; 9 * count], vec![0.0; 6 * count]);
         let slots = vec![0; count];
@@ -174,13 +197,13 @@ mod tests {
             numbers,
         };
         let arrays = vec![
-            given("vertices", &[3 * count, 3], Numbers::F32(&vertices)),
+            given("vertices", &[3 * count, 3], Numbers::F32(vertices)),
             given("triangles", &[count, 3], Numbers::U32(&triangles)),
             given("corner_normals", &[count, 3, 3], Numbers::F32(&normals)),
             given("corner_uvs", &[count, 3, 2], Numbers::F32(&uvs)),
             given("material_slots", &[count], Numbers::U32(&slots)),
         ];
-        Arc::new(Mesh::new(arrays).unwrap())
+        Mesh::new(arrays).unwrap()
     }
 
     fn instance(mesh: u32, world_from_object: Affine3A) -> Instance {
@@ -250,7 +273,7 @@ mod tests {
     fn instances_are_hit_like_their_triangles_in_world_space() {
         let mut random = Random::new(1);
         let frame = frame(&mut random);
-        let accel = Accel::build(&frame);
+        let accel = Accel::build(&frame, None);
         let (flat, names) = flattened(&frame);
         let mut hits = 0;
         for i in 0..4000 {
@@ -274,6 +297,56 @@ mod tests {
         assert!(hits > 200, "{hits}");
     }
 
+    /// The frame with every mesh bent; its meshes have no tree yet.
+    fn bent(frame: &SceneFrame) -> SceneFrame {
+        let bend = |mesh: &Arc<Mesh>| {
+            let bent = |p: &Vec3| *p + 0.3 * Vec3::new(p.y * p.y, p.z, (3.0 * p.x).sin());
+            let vertices: Vec<f32> = mesh
+                .vertices
+                .iter()
+                .flat_map(|p| bent(p).to_array())
+                .collect();
+            Arc::new(mesh_of(&vertices))
+        };
+        SceneFrame {
+            frame: frame.frame + 1,
+            instances: frame.instances.clone(),
+            meshes: frame.meshes.iter().map(bend).collect(),
+            materials: vec![],
+            images: vec![],
+            lights: vec![],
+            camera: frame.camera,
+            world: frame.world.clone(),
+        }
+    }
+
+    #[test]
+    fn a_deformed_mesh_is_hit_as_if_it_were_new() {
+        let mut random = Random::new(4);
+        let first = frame(&mut random);
+        Accel::build(&first, None);
+        let second = bent(&first);
+        let refitted = Accel::build(&second, Some(&first));
+        let third = bent(&first);
+        let built = Accel::build(&third, None);
+        let tree_of =
+            |frame: &SceneFrame| frame.meshes[0].bvh().leaf_triangles().collect::<Vec<_>>();
+        assert_eq!(
+            tree_of(&second),
+            tree_of(&first),
+            "the tree was not taken over"
+        );
+        let mut hits = 0;
+        for _ in 0..2000 {
+            let origin = point(&mut random) * 7.0;
+            let ray = Ray::new(origin.into(), (point(&mut random) * 4.0 - origin).into());
+            let hit = refitted.closest_hit(&second, &ray);
+            assert_eq!(hit, built.closest_hit(&third, &ray));
+            hits += usize::from(hit.is_some());
+        }
+        assert!(hits > 200, "{hits}");
+    }
+
     #[test]
     fn of_equal_hits_the_smallest_instance_counts_and_refused_ones_do_not() {
         let mut random = Random::new(2);
@@ -281,7 +354,7 @@ mod tests {
         for i in 0..frame.instances.len() {
             frame.instances[i] = instance(0, Affine3A::IDENTITY);
         }
-        let accel = Accel::build(&frame);
+        let accel = Accel::build(&frame, None);
         let mut hits = 0;
         for _ in 0..200 {
             let origin = point(&mut random) * 3.0;
@@ -324,7 +397,7 @@ mod tests {
     fn a_frame_without_anything_is_never_hit() {
         let mut frame = frame(&mut Random::new(3));
         frame.instances.clear();
-        let accel = Accel::build(&frame);
+        let accel = Accel::build(&frame, None);
         let ray = Ray::new(Vec3A::ZERO, Vec3A::X);
         assert!(accel.closest_hit(&frame, &ray).is_none());
         assert!(!accel.occluded(&frame, &ray));

@@ -95,8 +95,9 @@ struct Prepared {
 
 impl Prepared {
     /// What is costly to make and unchanged is taken over from the frame before.
-    fn new(frame: &SceneFrame, previous: Option<&Self>) -> Self {
-        let accel = Accel::build(frame);
+    fn new(frame: &SceneFrame, before: Option<(&SceneFrame, &Self)>) -> Self {
+        let accel = Accel::build(frame, before.map(|(frame, _)| frame));
+        let previous = before.map(|(_, prepared)| prepared);
         let (lower, upper) = accel.bounds().unwrap_or((Vec3A::ZERO, Vec3A::ONE));
         let lights = LightSampler::build(frame, previous.map(|p| &p.lights));
         let same_world = previous.filter(|p| p.light_tree.is_of(&frame.world));
@@ -126,11 +127,12 @@ fn prepare_and_run(job: &Job, progress: &Progress) -> Result<Vec<Rendered>> {
     }
     progress.enter(Phase::Build);
     let mut prepared: Vec<Prepared> = Vec::new();
-    for frame in window.frames() {
+    for (index, frame) in window.frames().iter().enumerate() {
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
-        prepared.push(Prepared::new(frame, prepared.last()));
+        let before = prepared.last().map(|p| (&*window.frames()[index - 1], p));
+        prepared.push(Prepared::new(frame, before));
     }
     let filter = pixel_filter(&job.settings);
     let views: Vec<View> = prepared

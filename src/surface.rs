@@ -220,7 +220,7 @@ mod tests {
             scene.add(plane, turned, diffuse(0.8));
         }
         let frame = scene.frame(1);
-        let accel = Accel::build(&frame);
+        let accel = Accel::build(&frame, None);
         let meets_itself = |i: &u32| {
             let [x, y] = spread(*i).map(|u| (u - 0.5) * size.min(300.0) * 0.9);
             let eye = turned.transform_point3a(Vec3A::new(0.0, 0.0, 100.0));

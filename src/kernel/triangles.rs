@@ -136,7 +136,7 @@ impl TriangleBvh {
 
     /// The triangles in the order of the leaves: two trees of one shape have the same.
     #[cfg(test)]
-    pub(super) fn leaf_triangles(&self) -> impl Iterator<Item = u32> {
+    pub fn leaf_triangles(&self) -> impl Iterator<Item = u32> {
         self.packets.iter().flat_map(|packet| packet.ids)
     }
 
