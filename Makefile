@@ -20,7 +20,7 @@ HOST_WHEEL := $(if $(filter Linux,$(shell uname -s)),--zig --compatibility manyl
 CORE_FILES := Cargo.toml Cargo.lock pyproject.toml $(shell find src python -type f -name '*.[rp][sy]*')
 ADDON_FILES := $(shell find addon -type f -not -name '*.pyc')
 
-.PHONY: help demo test lint format test-rust test-python test-blender extension extension-all bench bench-paper clean
+.PHONY: help demo test lint format test-rust test-python test-blender extension extension-all bench bench-paper chart clean
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -67,6 +67,14 @@ bench: $(BPY_NEW)/.ready build/site/.ready ## speed and memory against their tar
 
 bench-paper: $(BPY_NEW)/.ready build/site/.ready ## Table 1 and Figure 3 of the paper, measured again: docs/bench-paper.md
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/bench_paper.py
+
+# What is charted, and how: `make chart CHART_FLAGS=--quick`, or `--size 240x135 --minutes 600`.
+CHART_SCENES ?= indoor loader figure
+CHART_FLAGS  ?=
+
+chart: $(VENVS)/chart/.ready build/site/.ready ## speed against accuracy, Cycles too: out/chart/index.html (an hour)
+	PYTHONPATH=build/site $(VENVS)/chart/bin/python -m dualcone.chart \
+	  $(CHART_SCENES:%=blend_samples/%.blend) --out out/chart $(CHART_FLAGS)
 
 clean: ## remove what was built, keep what was downloaded
 	rm -rf build/site build/wheel build/extension.ready dist out

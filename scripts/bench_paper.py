@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import paper_report
+from dualcone.chart.measures import Reference
 from measure import (
     ROOT,
-    Reference,
     Rendering,
     Resolution,
     Sample,

@@ -54,10 +54,14 @@ def save(
     name: str,
     title: str,
     exercises: str,
+    light: str,
     author: str = "DualCone contributors",
     licence: str = "CC0-1.0",
 ) -> Path:
-    """Write NAME.blend with everything packed, and its card NAME.toml."""
+    """Write NAME.blend with everything packed, and its card NAME.toml.
+
+    `light` is interior, sun or overcast.
+    """
     scene = bpy.context.scene
     scene.render.filepath = f"//out/{name}_####"
     scene.frame_set(scene.frame_start)
@@ -65,6 +69,7 @@ def save(
     path = SAMPLES_DIR / f"{name}.blend"
     bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)
     lines = {"title": title, "author": author, "licence": licence, "exercises": exercises}
+    lines["light"] = light
     card = "".join(f'{field} = "{text}"\n' for field, text in lines.items())
     card += f"frames = [{scene.frame_start}, {scene.frame_end}]\nfps = {scene.render.fps}\n"
     path.with_suffix(".toml").write_text(card + f"triangles = {evaluated_triangles()}\n")

@@ -101,6 +101,7 @@ def excavator(meshes: Path, hdri: Path) -> None:
         "Excavator",
         "a chain of rigid joints, a hard sun inside an HDRI, imported meshes with many small "
         "parts, metal, packed image textures",
+        "sun",
         author="PWRI OPERA (model), DualCone contributors (scene)",
         licence="Apache-2.0 (model), CC0-1.0 (HDRI, scene)",
     )
@@ -155,6 +156,7 @@ def figure(model: Path, hdri: Path) -> None:
         "Running figure",
         "an armature deforming a skin, an overcast HDRI, a camera that travels along, "
         "packed image textures",
+        "overcast",
         author="GDQuest and contributors (figure), DualCone contributors (scene)",
         licence="CC-BY-4.0 (figure), CC0-1.0 (HDRI, scene)",
     )

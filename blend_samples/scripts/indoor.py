@@ -663,7 +663,7 @@ def make() -> None:
         (0.05, 200),
     )
     scene.view_settings.exposure = 1.25
-    save("indoor", TITLE, EXERCISES)
+    save("indoor", TITLE, EXERCISES, "interior")
 
 
 if __name__ == "__main__":

@@ -818,7 +818,7 @@ def make() -> None:
         36,
         (0.05, 600),
     )
-    save("loader", TITLE, EXERCISES)
+    save("loader", TITLE, EXERCISES, "sun")
 
 
 if __name__ == "__main__":

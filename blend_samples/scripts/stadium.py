@@ -555,7 +555,7 @@ def make() -> None:
     towards = sun(26, -146, 4.6, "#ffe2ba")
     sky(towards, 0.95, 0.35, "#5b8dc9", "#d5dbe0", "#8a857a", seed=21)
     flight()
-    save("stadium", TITLE, EXERCISES)
+    save("stadium", TITLE, EXERCISES, "sun")
 
 
 if __name__ == "__main__":

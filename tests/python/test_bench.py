@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from measure import ROOT, Reference
+from dualcone.chart.measures import Reference
+from measure import ROOT
 
 PANELS = (
     "path-tracing",

@@ -68,6 +68,7 @@ def test_the_card_gives_the_frames(sample: Sample) -> None:
     assert [scene.frame_start, scene.frame_end] == card["frames"]
     assert scene.render.fps == card["fps"] == 24
     assert all(card[field] for field in ("title", "author", "licence", "exercises"))
+    assert card["light"] in ("interior", "sun", "overcast")
 
 
 def test_the_render_settings_are_those_of_the_paper(sample: Sample) -> None:
