@@ -92,6 +92,7 @@ class DUALCONE_OT_preset_add(AddPresetBase, bpy.types.Operator):
             "max_bounces",
             "diffuse_bounces",
             "glossy_bounces",
+            "transmission_bounces",
         )
         return [f"settings.{name}" for name in names]
 
@@ -169,6 +170,7 @@ class DUALCONE_PT_light_paths(RenderPanel, bpy.types.Panel):
         column.prop(settings, "max_bounces")
         column.prop(settings, "diffuse_bounces")
         column.prop(settings, "glossy_bounces")
+        column.prop(settings, "transmission_bounces")
 
 
 class DUALCONE_PT_film(RenderPanel, bpy.types.Panel):

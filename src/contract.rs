@@ -504,6 +504,8 @@ settings! {
     diffuse_bounces: u32 = Kind::Int(4, 0, 1024), "Diffuse";
     /// Bounces off glossy surfaces.
     glossy_bounces: u32 = Kind::Int(4, 0, 1024), "Glossy";
+    /// Bounces through surfaces: refraction and translucency.
+    transmission_bounces: u32 = Kind::Int(12, 0, 1024), "Transmission";
     /// Seconds a frame may take; 0 for no limit.
     time_limit: f32 = Kind::Float(0.0, 0.0, 1e6), "Time Limit";
     /// Shape of the pixel filter.

@@ -44,16 +44,18 @@ pub struct Bounces {
     total: u32,
     diffuse: u32,
     glossy: u32,
+    transmission: u32,
 }
 
 impl Bounces {
     /// One event more.
     pub fn after(self, part: Part) -> Self {
-        let diffuse = u32::from(part == Part::Diffuse);
+        let count = |counted| u32::from(part == counted);
         Self {
             total: self.total + 1,
-            diffuse: self.diffuse + diffuse,
-            glossy: self.glossy + 1 - diffuse,
+            diffuse: self.diffuse + count(Part::Diffuse),
+            glossy: self.glossy + count(Part::Glossy),
+            transmission: self.transmission + count(Part::Transmission),
         }
     }
 
@@ -63,6 +65,7 @@ impl Bounces {
         self.total > settings.max_bounces
             || self.diffuse > settings.diffuse_bounces
             || self.glossy > settings.glossy_bounces
+            || self.transmission > settings.transmission_bounces
     }
 }
 
@@ -75,7 +78,7 @@ pub struct Continuation {
     pub pdf_solid_angle: f32,
     /// Point that it leaves, not moved off the surface.
     pub position: Vec3A,
-    /// Shading normal there.
+    /// Shading normal there, on the side that the ray leaves to.
     pub normal: Vec3A,
     /// How lights were sampled there.
     pub strategy: Strategy,
@@ -183,8 +186,8 @@ impl<'a> Tracer<'a> {
             |bsdf, pdfs| {
                 let pdf = bsdf.pdf(pdfs);
                 LobePdfs {
-                    diffuse: pdf,
-                    glossy: pdf,
+                    lambert: pdf,
+                    own: pdf,
                 }
             },
         );
@@ -213,7 +216,7 @@ impl<'a> Tracer<'a> {
             ray: surface.ray_towards(sample.direction),
             pdf_solid_angle,
             position: surface.position,
-            normal: surface.normal,
+            normal: surface.normal_towards(sample.direction),
             strategy: strategy_at(from.total),
             bounces: from.after(sample.part),
             throughput: throughput / survival,
@@ -293,8 +296,9 @@ impl<'a> Tracer<'a> {
             .sum()
     }
 
-    /// Light found by sampling lights, reflected towards the viewer, for each part of the surface.
-    /// `pdfs` says with which density each part's own samples would find the same direction.
+    /// Light found by sampling lights, scattered towards the viewer, for each part of the surface:
+    /// from its front, and from behind where light comes through. `pdfs` says with which density
+    /// each part's own samples would find the same direction.
     pub fn direct(
         &self,
         surface: &Surface,
@@ -303,18 +307,26 @@ impl<'a> Tracer<'a> {
         sampler: &Sampler,
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
-        let lights = self.lights.sample(
-            surface.position,
-            surface.normal,
-            strategy,
-            &sampler.light(vertex),
-            || sampler.sky(vertex),
-        );
         let mut sum = LobeValues::default();
-        for light in lights.into_iter().flatten() {
-            let lit = self.lit_by(&light, surface, vertex, sampler, &pdfs);
-            sum.diffuse += lit.diffuse;
-            sum.glossy += lit.glossy;
+        let sides: &[f32] = match surface.bsdf.is_transmissive() {
+            true => &[1.0, -1.0],
+            false => &[1.0],
+        };
+        for side in sides {
+            let lights = self.lights.sample(
+                surface.position,
+                side * surface.normal,
+                strategy,
+                &sampler.light(vertex),
+                || sampler.sky(vertex),
+            );
+            // A light that reaches around the horizon is found from both sides: each counts for its
+            // own directions.
+            let is_on_side =
+                |light: &LightSample| side * light.direction.dot(surface.geometric_normal) > 0.0;
+            for light in lights.into_iter().flatten().filter(is_on_side) {
+                sum += self.lit_by(&light, surface, vertex, sampler, &pdfs);
+            }
         }
         sum
     }
@@ -334,8 +346,10 @@ impl<'a> Tracer<'a> {
         }
         let own = pdfs(&surface.bsdf, own);
         LobeValues {
-            diffuse: weighted(light, values.diffuse, own.diffuse),
-            glossy: weighted(light, values.glossy, own.glossy),
+            lambert: weighted(light, values.lambert, own.lambert),
+            diffuse: weighted(light, values.diffuse, own.own),
+            glossy: weighted(light, values.glossy, own.own),
+            transmission: weighted(light, values.transmission, own.own),
         }
     }
 

@@ -36,13 +36,18 @@ const CLEARANCE: f32 = 8.0 * f32::EPSILON;
 impl Surface {
     /// A ray from the surface that does not meet it again at once.
     pub fn ray_towards(&self, direction: Vec3A) -> Ray {
-        Ray::new(
-            offset_origin(
-                self.position + self.clearance * self.geometric_normal,
-                self.geometric_normal,
-            ),
-            direction,
-        )
+        let out = facing(self.geometric_normal, direction);
+        let origin = offset_origin(self.position + self.clearance * out, out);
+        Ray::new(origin, direction)
+    }
+
+    /// The shading normal on the side of the surface that `direction` leaves to.
+    pub fn normal_towards(&self, direction: Vec3A) -> Vec3A {
+        if direction.dot(self.geometric_normal) < 0.0 {
+            -self.normal
+        } else {
+            self.normal
+        }
     }
 }
 
@@ -63,7 +68,9 @@ pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray) -> Surface {
     let edges = [corners[1] - corners[0], corners[2] - corners[0]];
     let [one, other] = edges.map(|e| instance.world_from_object.transform_vector3a(e).abs());
     let normal_object = edges[0].cross(edges[1]);
-    let geometric_normal = towards(wo, instance.world_from_normal * normal_object);
+    let outward = instance.world_from_normal * normal_object;
+    let is_front = outward.dot(wo) >= 0.0;
+    let geometric_normal = facing(outward.try_normalize().unwrap_or(wo), wo);
     let corner_normals = mesh.corner_normals[hit.triangle as usize].map(Vec3A::from);
     let shading = instance.world_from_normal * interpolate(&corner_normals, barycentric);
     let shading = shading.try_normalize().unwrap_or(geometric_normal);
@@ -72,7 +79,8 @@ pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray) -> Surface {
     } else {
         shading
     };
-    let (bsdf, emission) = shade(frame, hit, Bsdf::new(normal, geometric_normal, wo));
+    let bsdf = Bsdf::new(geometric_normal, wo, is_front);
+    let (bsdf, emission) = shade(frame, hit, normal, bsdf);
     Surface {
         hit: *hit,
         position,
@@ -85,10 +93,9 @@ pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray) -> Surface {
     }
 }
 
-/// Unit `normal`, turned to the side of `wo`.
-fn towards(wo: Vec3A, normal: Vec3A) -> Vec3A {
-    let normal = normal.try_normalize().unwrap_or(wo);
-    if normal.dot(wo) < 0.0 {
+/// `normal`, turned to the side of `direction`.
+fn facing(normal: Vec3A, direction: Vec3A) -> Vec3A {
+    if normal.dot(direction) < 0.0 {
         -normal
     } else {
         normal
@@ -96,9 +103,9 @@ fn towards(wo: Vec3A, normal: Vec3A) -> Vec3A {
 }
 
 /// The closures' reflection and emission, given that the ray did not pass straight on.
-fn shade(frame: &SceneFrame, hit: &Hit, mut bsdf: Bsdf) -> (Bsdf, Vec3A) {
+fn shade(frame: &SceneFrame, hit: &Hit, normal: Vec3A, mut bsdf: Bsdf) -> (Bsdf, Vec3A) {
     let Some(material) = frame.material_of(hit.instance, hit.triangle) else {
-        bsdf.add_diffuse(DEFAULT_COLOR);
+        bsdf.add_diffuse(Vec3A::ONE, DEFAULT_COLOR, normal, 0.0);
         return (bsdf, Vec3A::ZERO);
     };
     let textures = Textures::new(frame, hit);
@@ -110,12 +117,19 @@ fn shade(frame: &SceneFrame, hit: &Hit, mut bsdf: Bsdf) -> (Bsdf, Vec3A) {
     for closure in &material.closures {
         let weight = closure.weight * textures.alpha(closure) * scale;
         emission += closure.emission * weight;
-        add_closure(&mut bsdf, closure, weight, &textures);
+        let weight = Vec3A::splat(weight);
+        add_closure(&mut bsdf, closure, weight, normal, &textures);
     }
     (bsdf, emission)
 }
 
-fn add_closure(bsdf: &mut Bsdf, closure: &Closure, weight: f32, textures: &Textures) {
+fn add_closure(
+    bsdf: &mut Bsdf,
+    closure: &Closure,
+    weight: Vec3A,
+    normal: Vec3A,
+    textures: &Textures,
+) {
     match closure.kind {
         ClosureKind::Principled => {
             let principled = Principled {
@@ -123,13 +137,17 @@ fn add_closure(bsdf: &mut Bsdf, closure: &Closure, weight: f32, textures: &Textu
                 metallic: closure.metallic,
                 roughness: textures.roughness(closure),
                 ior: closure.ior,
-                specular: closure.specular,
+                specular_level: closure.specular,
+                ..Principled::new(normal)
             };
             bsdf.add_principled(weight, &principled);
         }
-        ClosureKind::Diffuse => bsdf.add_diffuse(textures.color(closure) * weight),
+        ClosureKind::Diffuse => {
+            bsdf.add_diffuse(weight, textures.color(closure), normal, 0.0);
+        }
         ClosureKind::Glossy => {
-            bsdf.add_glossy(weight, textures.color(closure), textures.roughness(closure));
+            let (color, roughness) = (textures.color(closure), textures.roughness(closure));
+            bsdf.add_glossy(weight, color, normal, roughness, (0.0, Vec3A::ZERO), true);
         }
         ClosureKind::Emission | ClosureKind::Transparent => {}
     }

@@ -13,6 +13,13 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// The basis of the parent space itself.
+    pub const IDENTITY: Self = Self {
+        x: Vec3A::X,
+        y: Vec3A::Y,
+        z: Vec3A::Z,
+    };
+
     /// The basis around `normal`, which must have unit length.
     pub fn from_normal(normal: Vec3A) -> Self {
         let sign = 1f32.copysign(normal.z);
@@ -26,6 +33,19 @@ impl Frame {
             ),
             y: Vec3A::new(b, sign + normal.y * normal.y * a, -normal.y),
             z: normal,
+        }
+    }
+
+    /// The basis around `normal` whose x axis is as near to `tangent` as it can be; any basis where
+    /// the two are parallel. `normal` must have unit length, `tangent` any.
+    pub fn from_normal_and_tangent(normal: Vec3A, tangent: Vec3A) -> Self {
+        match normal.cross(tangent).try_normalize() {
+            Some(y) => Self {
+                x: y.cross(normal),
+                y,
+                z: normal,
+            },
+            None => Self::from_normal(normal),
         }
     }
 
@@ -58,6 +78,19 @@ mod tests {
             let direction = Vec3A::new(0.3, -0.5, 0.8).normalize();
             let there_and_back = frame.to_local(frame.to_world(direction));
             assert!((there_and_back - direction).length() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_tangent_turns_the_x_axis_and_a_useless_one_does_not_spoil_the_basis() {
+        let normal = Vec3A::new(0.6, -0.48, 0.64);
+        let frame = Frame::from_normal_and_tangent(normal, Vec3A::new(3.0, 0.0, 0.0));
+        assert!(frame.x.dot(normal).abs() < 1e-6 && frame.x.x > 0.79);
+        assert!(frame.y.x.abs() < 1e-6);
+        assert!((frame.x.cross(frame.y) - normal).length() < 1e-6);
+        for tangent in [Vec3A::ZERO, 2.0 * normal] {
+            let frame = Frame::from_normal_and_tangent(normal, tangent);
+            assert!((frame.x.length() - 1.0).abs() < 1e-6);
         }
     }
 }

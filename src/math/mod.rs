@@ -5,6 +5,7 @@ use glam::Vec3A;
 pub mod cone;
 mod filter;
 mod frame;
+mod ggx;
 mod ray;
 #[cfg(test)]
 pub(crate) mod statistics;
@@ -12,6 +13,7 @@ pub mod warp;
 
 pub use filter::PixelFilter;
 pub use frame::Frame;
+pub use ggx::Ggx;
 pub use ray::{Ray, offset_origin};
 
 /// Rec. 709 luminance of a scene-linear colour.

@@ -87,55 +87,6 @@ pub fn pdf_triangle(area: f32) -> f32 {
     1.0 / area
 }
 
-/// A normal of the GGX distribution as seen from `wo`, for an isotropic `alpha`.
-///
-/// Source: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023.
-pub fn sample_ggx_visible_normal(wo: Vec3A, alpha: f32, u: [f32; 2]) -> Vec3A {
-    let stretch = Vec3A::new(alpha, alpha, 1.0);
-    let wo_stretched = (wo * stretch).normalize();
-    let z = (1.0 - u[1]) * (1.0 + wo_stretched.z) - wo_stretched.z;
-    let sin = (1.0 - z * z).max(0.0).sqrt();
-    let around = sin * Vec2::from_angle(TAU * u[0]);
-    let half = Vec3A::new(around.x, around.y, z) + wo_stretched;
-    (half * stretch).normalize_or(Vec3A::Z)
-}
-
-/// Density of [`sample_ggx_visible_normal`] per steradian of normals.
-pub fn pdf_ggx_visible_normal(wo: Vec3A, alpha: f32, normal: Vec3A) -> f32 {
-    ggx_distribution(alpha, normal) * ggx_masking(alpha, wo) * wo.dot(normal).max(0.0) / wo.z
-}
-
-/// GGX distribution of normals [1/sr], zero below the horizon.
-///
-/// Uses the sine of the normal's own coordinates: `1 - cos^2` has no digits left for a mirror.
-pub fn ggx_distribution(alpha: f32, normal: Vec3A) -> f32 {
-    if normal.z <= 0.0 {
-        return 0.0;
-    }
-    let sin_squared = normal.x * normal.x + normal.y * normal.y;
-    let alpha_squared = alpha * alpha;
-    let width = sin_squared + alpha_squared * normal.z * normal.z;
-    FRAC_1_PI * alpha_squared / (width * width)
-}
-
-/// Smith's masking function G1 of GGX: the share of microfacets that `direction` sees.
-pub fn ggx_masking(alpha: f32, direction: Vec3A) -> f32 {
-    1.0 / (1.0 + ggx_lambda(alpha, direction))
-}
-
-/// Smith's height-correlated masking and shadowing function G2 of GGX.
-///
-/// Source: Heitz, "Understanding the Masking-Shadowing Function", JCGT 3(2), 2014, Eq. 99.
-pub fn ggx_masking_shadowing(alpha: f32, wo: Vec3A, wi: Vec3A) -> f32 {
-    1.0 / (1.0 + ggx_lambda(alpha, wo) + ggx_lambda(alpha, wi))
-}
-
-fn ggx_lambda(alpha: f32, direction: Vec3A) -> f32 {
-    let sin_squared = direction.x * direction.x + direction.y * direction.y;
-    let tan_squared = sin_squared / (direction.z * direction.z);
-    0.5 * ((1.0 + alpha * alpha * tan_squared).sqrt() - 1.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -209,23 +160,5 @@ mod tests {
         }
         let expected = vec![100_000.0 * f64::from(pdf_triangle(0.5)) * 0.005; 100];
         assert!(chi_square_score(&observed, &expected) < MAX_SCORE);
-    }
-
-    #[test]
-    fn ggx_visible_normals_follow_their_pdf() {
-        for alpha in [0.02f32, 0.1, 0.5, 1.0] {
-            for cos in [1.0f32, 0.7, 0.1] {
-                let wo = Vec3A::new((1.0 - cos * cos).sqrt(), 0.0, cos);
-                let test = DirectionTest {
-                    one_minus_cos_max: f64::from((8.0 * alpha * alpha).min(1.0)),
-                    ..DirectionTest::sphere(Vec3A::Z)
-                };
-                let score = test.score(
-                    |random| Some(sample_ggx_visible_normal(wo, alpha, random.next_2d())),
-                    |normal| pdf_ggx_visible_normal(wo, alpha, normal),
-                );
-                assert!(score < MAX_SCORE, "alpha {alpha}, cos {cos}: {score}");
-            }
-        }
     }
 }

@@ -284,8 +284,8 @@ fn small_lights(view: &View, surface: &Surface, sampler: &Sampler) -> Vec3A {
     let pdfs = |bsdf: &Bsdf, pdfs| {
         let pdf = bsdf.pdf(pdfs);
         LobePdfs {
-            diffuse: pdf,
-            glossy: pdf,
+            lambert: pdf,
+            own: pdf,
         }
     };
     tracer

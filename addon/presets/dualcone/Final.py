@@ -11,3 +11,4 @@ settings.window = 3
 settings.max_bounces = 12
 settings.diffuse_bounces = 4
 settings.glossy_bounces = 4
+settings.transmission_bounces = 12

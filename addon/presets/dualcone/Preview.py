@@ -11,3 +11,4 @@ settings.window = 1
 settings.max_bounces = 4
 settings.diffuse_bounces = 2
 settings.glossy_bounces = 2
+settings.transmission_bounces = 4

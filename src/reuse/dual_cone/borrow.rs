@@ -41,9 +41,9 @@ fn brought(cosine: Vec4) -> Vec4 {
 /// The pixel that borrows.
 #[derive(Clone, Copy, Default)]
 pub struct Receiver {
-    /// Share of light that its diffuse part reflects.
+    /// Share of light that its Lambert part reflects.
     albedo: [f32; 3],
-    /// Its shading normal.
+    /// The shading normal of that part.
     normal: [f32; 3],
 }
 
@@ -51,8 +51,8 @@ impl Receiver {
     /// What a surface needs to borrow.
     pub fn at(surface: &Surface) -> Self {
         Self {
-            albedo: surface.bsdf.albedo_diffuse().to_array(),
-            normal: surface.normal.to_array(),
+            albedo: surface.bsdf.albedo_lambert().to_array(),
+            normal: surface.bsdf.lambert_normal().to_array(),
         }
     }
 }

@@ -97,7 +97,7 @@ impl Record {
         }
         self.direction = direction;
         self.value = value;
-        self.cosine_limit = COSINE_LIMIT * direction.dot(surface.normal).max(0.0);
+        self.cosine_limit = COSINE_LIMIT * direction.dot(surface.bsdf.lambert_normal()).max(0.0);
         self.class = class as u32 as f32;
     }
 

@@ -82,38 +82,38 @@ impl<'a> Pass<'a> {
             receiver: Receiver::at(surface),
             distance: None,
         };
-        if shot.sampler.scatter(0).lobe < surface.bsdf.probability_diffuse() {
-            let own = self.gather_diffuse(&shot, surface, &mut sample);
+        if shot.sampler.scatter(0).lobe < surface.bsdf.probability_lambert() {
+            let own = self.gather_lambert(&shot, surface, &mut sample);
             if let Some(pixel) = pixel {
                 pixel.add_radiance(own);
             }
         } else if let Some(pixel) = pixel {
-            pixel.add_radiance(self.gather_glossy(&shot, surface));
+            pixel.add_radiance(self.gather_own(&shot, surface));
         }
         sample
     }
 
     /// Light of light samples: always the pixel's own.
     fn direct(&self, shot: &Shot, surface: &Surface) -> Vec3A {
-        let diffuse = surface.bsdf.probability_diffuse();
+        let lambert = surface.bsdf.probability_lambert();
         let (tracer, sampler) = (&self.view.tracer, &shot.sampler);
         let direct = tracer.direct(surface, 0, self.strategy, sampler, |_, pdfs| LobePdfs {
-            diffuse: diffuse * pdfs.diffuse,
-            glossy: (1.0 - diffuse) * pdfs.glossy,
+            lambert: lambert * pdfs.lambert,
+            own: (1.0 - lambert) * pdfs.own,
         });
         direct.sum()
     }
 
-    /// One gather ray off the diffuse part. What it finds is for lending, except light of lamps and
+    /// One gather ray off the Lambert part. What it finds is for lending, except light of lamps and
     /// suns, which is returned: light sampling finds it better, and borrowed it would smear their
     /// shadows.
-    fn gather_diffuse(&self, shot: &Shot, surface: &Surface, sample: &mut PixelSample) -> Vec3A {
+    fn gather_lambert(&self, shot: &Shot, surface: &Surface, sample: &mut PixelSample) -> Vec3A {
         let u = shot.sampler.scatter(0).direction;
-        let Some(direction) = surface.bsdf.sample_diffuse(u) else {
+        let Some(direction) = surface.bsdf.sample_lambert(u) else {
             return Vec3A::ZERO;
         };
         let (value, pdfs) = surface.bsdf.eval(direction);
-        let pdf_solid_angle = surface.bsdf.probability_diffuse() * pdfs.diffuse;
+        let pdf_solid_angle = surface.bsdf.probability_lambert() * pdfs.lambert;
         if !(pdf_solid_angle > 0.0) {
             return Vec3A::ZERO;
         }
@@ -132,25 +132,25 @@ impl<'a> Pass<'a> {
         };
         let lent = lent / (PI * pdf_solid_angle);
         sample.record.lend(direction, lent, surface, class);
-        own * value.diffuse / pdf_solid_angle
+        own * value.lambert / pdf_solid_angle
     }
 
-    /// One gather ray off the glossy part: the pixel's own.
-    fn gather_glossy(&self, shot: &Shot, surface: &Surface) -> Vec3A {
+    /// One gather ray off the other closures: the pixel's own.
+    fn gather_own(&self, shot: &Shot, surface: &Surface) -> Vec3A {
         let numbers = shot.sampler.scatter(0);
-        let diffuse = surface.bsdf.probability_diffuse();
+        let lambert = surface.bsdf.probability_lambert();
         // The lobe's number was used to choose the part; what is left of it is uniform again.
-        let u_lobe = (numbers.lobe - diffuse) / (1.0 - diffuse);
-        let Some(direction) = surface.bsdf.sample_glossy(u_lobe, numbers.direction) else {
+        let u_lobe = (numbers.lobe - lambert) / (1.0 - lambert);
+        let Some((direction, part)) = surface.bsdf.sample_own(u_lobe, numbers.direction) else {
             return Vec3A::ZERO;
         };
         let (value, pdfs) = surface.bsdf.eval(direction);
-        let pdf_solid_angle = (1.0 - diffuse) * pdfs.glossy;
+        let pdf_solid_angle = (1.0 - lambert) * pdfs.own;
         if !(pdf_solid_angle > 0.0) {
             return Vec3A::ZERO;
         }
-        let gathered = self.gather(shot, surface, Part::Glossy, direction, pdf_solid_angle);
-        gathered.sum() * value.glossy / pdf_solid_angle
+        let gathered = self.gather(shot, surface, part, direction, pdf_solid_angle);
+        gathered.sum() * value.own() / pdf_solid_angle
     }
 
     fn gather(
@@ -165,7 +165,7 @@ impl<'a> Pass<'a> {
             ray: surface.ray_towards(direction),
             pdf_solid_angle,
             position: surface.position,
-            normal: surface.normal,
+            normal: surface.normal_towards(direction),
             strategy: self.strategy,
             bounces: Bounces::default().after(part),
             throughput: 1.0,

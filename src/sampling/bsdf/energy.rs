@@ -7,8 +7,8 @@ use std::sync::LazyLock;
 
 use glam::Vec3A;
 
-use super::fresnel::{Curve, f0_from_ior, ior_from_f0};
-use crate::math::warp::{ggx_masking, ggx_masking_shadowing, sample_ggx_visible_normal};
+use super::fresnel::{Curve, dielectric, f0_from_ior, ior_from_f0};
+use crate::math::Ggx;
 
 /// Steps of roughness and cosine of the tables without Fresnel.
 const FINE: usize = 32;
@@ -56,6 +56,92 @@ pub fn mean_curve(curve: Curve, roughness: f32, cos: f32) -> f32 {
     }
 }
 
+/// Points per entry of the tables of glass, which are many.
+const GLASS_POINTS: u32 = 256;
+
+/// Shares of light that white glass reflects and refracts in one bounce, for one side of it.
+struct GlassTables {
+    /// `[fourth root of F0][roughness][cosine]`.
+    directional: Box<[[[f32; COARSE]; COARSE]; COARSE]>,
+    /// The mean over the hemisphere, weighted by the cosine, `[fourth root of F0][roughness]`.
+    average: Box<[[f32; COARSE]; COARSE]>,
+}
+
+static GLASS_ENTERED: LazyLock<GlassTables> = LazyLock::new(|| GlassTables::new(false));
+static GLASS_LEFT: LazyLock<GlassTables> = LazyLock::new(|| GlassTables::new(true));
+
+/// Share of light that white glass, seen under this cosine, reflects and refracts in one bounce.
+/// `ior` is the index beyond the surface over that on the viewer's side.
+pub fn glass_albedo(ior: f32, roughness: f32, cos: f32) -> f32 {
+    let (i, t) = cell::<COARSE>(f0_from_ior(ior).sqrt().sqrt());
+    let at = |i: usize| bilinear(&glass_tables(ior).directional[i], roughness, cos);
+    lerp(at(i), at(i + 1), t)
+}
+
+/// The mean of [`glass_albedo`] over the hemisphere, weighted by the cosine.
+pub fn glass_average_albedo(ior: f32, roughness: f32) -> f32 {
+    bilinear(
+        &glass_tables(ior).average,
+        f0_from_ior(ior).sqrt().sqrt(),
+        roughness,
+    )
+}
+
+fn glass_tables(ior: f32) -> &'static GlassTables {
+    if ior < 1.0 {
+        &GLASS_LEFT
+    } else {
+        &GLASS_ENTERED
+    }
+}
+
+impl GlassTables {
+    fn new(is_left: bool) -> Self {
+        let mut directional = Box::new([[[0.0; COARSE]; COARSE]; COARSE]);
+        let mut average = Box::new([[0.0; COARSE]; COARSE]);
+        for (i, (table, means)) in directional.iter_mut().zip(average.iter_mut()).enumerate() {
+            // Without a change of medium nothing is bent: the table's first entry is near it.
+            let ior = ior_from_f0(axis::<COARSE>(i).clamp(0.02, 0.99).powi(4));
+            let ior = if is_left { 1.0 / ior } else { ior };
+            for (roughness, (row, mean)) in table.iter_mut().zip(means.iter_mut()).enumerate() {
+                for (cos, entry) in row.iter_mut().enumerate() {
+                    *entry = scattered(ior, axis::<COARSE>(roughness), axis::<COARSE>(cos));
+                }
+                *mean = cosine_mean(row);
+            }
+        }
+        Self {
+            directional,
+            average,
+        }
+    }
+}
+
+/// The entry of the tables of glass, by sampling.
+fn scattered(ior: f32, roughness: f32, cos: f32) -> f32 {
+    let ggx = Ggx::isotropic(roughness * roughness);
+    let wo = seen_under(cos);
+    let mut sum = 0.0;
+    for i in 0..GLASS_POINTS {
+        let normal = ggx.sample_visible_normal(wo, hammersley(i, GLASS_POINTS));
+        let cos_facet = wo.dot(normal).max(0.0);
+        let reflectance = dielectric(cos_facet, ior);
+        let share = |wi: Vec3A| ggx.masking_shadowing(wo, wi) / ggx.masking(wo);
+        let reflected = 2.0 * cos_facet * normal - wo;
+        if reflected.z > 0.0 {
+            sum += reflectance * share(reflected);
+        }
+        let cos_squared = 1.0 - (1.0 - cos_facet * cos_facet) / (ior * ior);
+        if cos_squared > 0.0 {
+            let refracted = (cos_facet / ior - cos_squared.sqrt()) * normal - wo / ior;
+            if refracted.z < 0.0 {
+                sum += (1.0 - reflectance) * share(refracted);
+            }
+        }
+    }
+    (sum / GLASS_POINTS as f32).clamp(1e-3, 1.0)
+}
+
 impl Tables {
     fn new() -> Self {
         let mut tables = Self {
@@ -97,18 +183,25 @@ impl Tables {
 /// (cosine between view and microfacet, shadowing given masking) of the microfacets that are seen
 /// under `cos` and reflect upwards, out of [`POINTS`].
 fn visible_facets(roughness: f32, cos: f32) -> impl Iterator<Item = (f32, f32)> {
-    let alpha = roughness * roughness;
-    let wo = Vec3A::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+    let ggx = Ggx::isotropic(roughness * roughness);
+    let wo = seen_under(cos);
     (0..POINTS).filter_map(move |i| {
-        // Hammersley's points.
-        let u = (i as f32 + 0.5) / POINTS as f32;
-        let v = (i.reverse_bits() >> 8) as f32 / (1u32 << 24) as f32;
-        let normal = sample_ggx_visible_normal(wo, alpha, [u, v]);
+        let normal = ggx.sample_visible_normal(wo, hammersley(i, POINTS));
         let cos_facet = wo.dot(normal).max(0.0);
         let wi = 2.0 * cos_facet * normal - wo;
-        let shadowing = || ggx_masking_shadowing(alpha, wo, wi) / ggx_masking(alpha, wo);
+        let shadowing = || ggx.masking_shadowing(wo, wi) / ggx.masking(wo);
         (wi.z > 0.0).then(|| (cos_facet, shadowing()))
     })
+}
+
+/// Point `i` of `count` well-spread ones in the unit square.
+fn hammersley(i: u32, count: u32) -> [f32; 2] {
+    let radical_inverse = (i.reverse_bits() >> 8) as f32 / (1u32 << 24) as f32;
+    [(i as f32 + 0.5) / count as f32, radical_inverse]
+}
+
+fn seen_under(cos: f32) -> Vec3A {
+    Vec3A::new((1.0 - cos * cos).sqrt(), 0.0, cos)
 }
 
 fn reflected(roughness: f32, cos: f32) -> f32 {
@@ -117,8 +210,8 @@ fn reflected(roughness: f32, cos: f32) -> f32 {
 }
 
 /// `2 int cos f(cos) dcos` of a function that is linear between its entries.
-fn cosine_mean(row: &[f32; FINE]) -> f32 {
-    let step = 1.0 / (FINE - 1) as f32;
+fn cosine_mean<const N: usize>(row: &[f32; N]) -> f32 {
+    let step = 1.0 / (N - 1) as f32;
     let mut sum = 0.0;
     for (i, pair) in row.windows(2).enumerate() {
         let left = i as f32 * step;
@@ -156,7 +249,6 @@ fn lerp(a: f32, b: f32, t: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::warp::ggx_distribution;
 
     #[test]
     fn a_mirror_reflects_all() {
@@ -170,8 +262,8 @@ mod tests {
     #[test]
     fn directional_albedo_is_the_integral_of_the_lobe() {
         for (roughness, cos) in [(0.5f32, 0.8f32), (0.7, 0.3), (1.0, 1.0), (1.0, 0.5)] {
-            let alpha = roughness * roughness;
-            let wo = Vec3A::new((1.0 - cos * cos).sqrt(), 0.0, cos);
+            let ggx = Ggx::isotropic(roughness * roughness);
+            let wo = seen_under(cos);
             let steps = 1000;
             let mut sum = 0.0;
             for (i, j) in (0..steps * steps).map(|k| (k / steps, k % steps)) {
@@ -179,8 +271,7 @@ mod tests {
                 let (y, x) = ((j as f32 + 0.5) / steps as f32 * std::f32::consts::TAU).sin_cos();
                 let around = (1.0 - z * z).sqrt();
                 let wi = Vec3A::new(around * x, around * y, z);
-                let lobe = ggx_distribution(alpha, (wo + wi).normalize())
-                    * ggx_masking_shadowing(alpha, wo, wi)
+                let lobe = ggx.distribution((wo + wi).normalize()) * ggx.masking_shadowing(wo, wi)
                     / (4.0 * cos);
                 sum += f64::from(lobe);
             }

@@ -2,6 +2,8 @@
 
 use glam::Vec3A;
 
+use super::energy;
+
 /// Reflectance at normal incidence of a dielectric with this index of refraction.
 pub fn f0_from_ior(ior: f32) -> f32 {
     let ratio = (ior - 1.0) / (ior + 1.0);
@@ -75,8 +77,90 @@ impl Curve {
     }
 }
 
+/// The reflectance of a microfacet as a function of its cosine.
+#[derive(Debug, Clone, Copy)]
+pub struct Fresnel {
+    curve: Curve,
+    f0: Vec3A,
+    f90: Vec3A,
+    /// What is taken away around 82 degrees: the factor of `cos (1 - cos)^6`.
+    dip: Vec3A,
+}
+
+/// Cosine of the angle, about 82 degrees, at which a metal's edge tint acts.
+const EDGE_COS: f32 = 1.0 / 7.0;
+
+impl Fresnel {
+    /// Reflectance that follows `curve` from `f0` to `f90`.
+    pub fn new(curve: Curve, f0: Vec3A, f90: Vec3A) -> Self {
+        Self {
+            curve,
+            f0,
+            f90,
+            dip: Vec3A::ZERO,
+        }
+    }
+
+    /// A metal whose Schlick reflectance is multiplied by `edge_tint` at about 82 degrees.
+    ///
+    /// Source: Kutz, Hasan and Edmondson, "Novel aspects of the Adobe Standard Material", 2023
+    /// (F82-tint); Blender's Principled BSDF takes Specular Tint for it.
+    pub fn metal(f0: Vec3A, edge_tint: Vec3A) -> Self {
+        let schlick = Self::new(Curve::Schlick, f0, Vec3A::ONE);
+        let shape = EDGE_COS * Curve::Schlick.at(EDGE_COS) * (1.0 - EDGE_COS);
+        Self {
+            dip: schlick.at(EDGE_COS) * (Vec3A::ONE - edge_tint) / shape,
+            ..schlick
+        }
+    }
+
+    /// Reflectance under a cosine in [0, 1].
+    pub fn at(&self, cos: f32) -> Vec3A {
+        let s = self.curve.at(cos);
+        let reflectance = mix(self.f0, self.f90, s);
+        match self.curve {
+            Curve::Schlick => (reflectance - self.dip * (cos * s * (1.0 - cos))).max(Vec3A::ZERO),
+            Curve::Dielectric { .. } => reflectance,
+        }
+    }
+
+    /// The mean over the hemisphere, weighted by the cosine. That of `cos (1 - cos)^6` is 1/126.
+    pub fn mean(&self) -> Vec3A {
+        mix(self.f0, self.f90, self.curve.mean()) - self.dip / 126.0
+    }
+
+    /// The mean over the microfacets of this roughness seen under a cosine; the dip is taken as that
+    /// of a mirror.
+    pub fn seen_under(&self, roughness: f32, cos: f32) -> Vec3A {
+        let mean = match self.curve {
+            // The table knows rays that enter only; those that leave are near a mirror's.
+            Curve::Dielectric { ior } if ior < 1.0 => self.curve.at(cos),
+            curve => energy::mean_curve(curve, roughness, cos),
+        };
+        let dip = cos * (1.0 - cos).powi(6);
+        (mix(self.f0, self.f90, mean) - self.dip * dip).max(Vec3A::ZERO)
+    }
+
+    /// Takes up another reflectance, but keeps the curve.
+    pub fn add(&mut self, other: &Fresnel) {
+        self.f0 += other.f0;
+        self.f90 += other.f90;
+        self.dip += other.dip;
+    }
+
+    /// The same, multiplied by a colour.
+    pub fn scaled(&self, factor: Vec3A) -> Self {
+        Self {
+            curve: self.curve,
+            f0: self.f0 * factor,
+            f90: self.f90 * factor,
+            dip: self.dip * factor,
+        }
+    }
+}
+
 /// `a + s (b - a)`.
-pub fn mix(a: Vec3A, b: Vec3A, s: f32) -> Vec3A {
+fn mix(a: Vec3A, b: Vec3A, s: f32) -> Vec3A {
     a + (b - a) * s
 }
 
@@ -117,5 +201,23 @@ mod tests {
                 "{curve:?}: {integral}"
             );
         }
+    }
+
+    #[test]
+    fn edge_tint_acts_at_82_degrees_and_its_mean_is_the_integral() {
+        let (f0, tint) = (Vec3A::new(0.9, 0.5, 0.1), Vec3A::new(1.0, 0.5, 0.7));
+        let (metal, plain) = (Fresnel::metal(f0, tint), Fresnel::metal(f0, Vec3A::ONE));
+        assert!((metal.at(EDGE_COS) - tint * plain.at(EDGE_COS)).length() < 1e-5);
+        assert_eq!(metal.at(1.0), f0);
+        let steps = 4000;
+        let integral: Vec3A = (0..steps)
+            .map(|i| (i as f32 + 0.5) / steps as f32)
+            .map(|cos| metal.at(cos) * (2.0 * cos / steps as f32))
+            .sum();
+        // Where the dip is deeper than the curve it is cut off, which the mean leaves out.
+        assert!(
+            (integral - metal.mean()).abs().max_element() < 2e-3,
+            "{integral}"
+        );
     }
 }

@@ -1,104 +1,135 @@
-//! One GGX reflection lobe, seen from a fixed direction, in the basis of its normal.
+//! One closure of a surface, seen from a fixed direction.
 
 use glam::Vec3A;
 
-use super::energy;
-use super::fresnel::{Curve, mix};
-use crate::math::warp::{
-    ggx_distribution, ggx_masking, ggx_masking_shadowing, sample_ggx_visible_normal,
-};
+use super::diffuse::{OrenNayar, Sheen, Translucent};
+use super::microfacet::{Interface, Reflection};
+use super::{Part, Scattered};
+use crate::math::Ggx;
+use crate::math::warp::sample_cosine_hemisphere;
 
-/// Smallest GGX alpha (a roughness of 0.01): keeps every density finite in single precision. A
-/// mirror blurs by a hundredth of a degree, a hundredth of the sun's disk.
-pub const ALPHA_MIN: f32 = 1e-4;
+/// How a closure scatters.
+#[derive(Debug, Clone, Copy)]
+pub enum Model {
+    Reflection(Reflection),
+    Interface(Interface),
+    OrenNayar(OrenNayar),
+    Sheen(Sheen),
+    Translucent(Translucent),
+}
 
-/// A GGX lobe whose weight and multiple-scattering compensation are in its colours.
+/// A closure, and what chooses it.
 #[derive(Debug, Clone, Copy)]
 pub struct Lobe {
-    alpha: f32,
-    curve: Curve,
-    f0: Vec3A,
-    f90: Vec3A,
-    /// Share of white light reflected towards the viewer, all bounces.
-    albedo: Vec3A,
+    /// The surface's basis that its directions are in.
+    pub view: u8,
+    pub model: Model,
+    /// Share of white light that it reflects towards the viewer.
+    pub reflected: Vec3A,
+    /// Share of white light that it lets through towards the viewer.
+    pub transmitted: Vec3A,
 }
 
 impl Lobe {
-    /// No reflection at all: fills unused places.
+    /// Nothing at all: fills unused places.
     pub const BLACK: Lobe = Lobe {
-        alpha: 1.0,
-        curve: Curve::Schlick,
-        f0: Vec3A::ZERO,
-        f90: Vec3A::ZERO,
-        albedo: Vec3A::ZERO,
+        view: 0,
+        model: Model::Translucent(Translucent {
+            weight: Vec3A::ZERO,
+        }),
+        reflected: Vec3A::ZERO,
+        transmitted: Vec3A::ZERO,
     };
 
-    /// A lobe of this Blender roughness whose reflectance follows `curve` from `f0` to `f90`, seen
-    /// under the cosine `cos_wo`.
-    ///
-    /// Light that bounces between microfacets is given back by scaling the lobe, as Cycles does
-    /// for its "Multiscatter GGX": `1 + Fms (1 - E) / E` with Fms after Kulla and Conty 2017.
-    pub fn new(
-        weight: Vec3A,
-        roughness: f32,
-        curve: Curve,
-        f0: Vec3A,
-        f90: Vec3A,
-        cos_wo: f32,
-    ) -> Self {
-        let roughness = roughness.clamp(ALPHA_MIN.sqrt(), 1.0);
-        let single = energy::directional_albedo(roughness, cos_wo);
-        let average = energy::average_albedo(roughness);
-        let fresnel_mean = mix(f0, f90, curve.mean());
-        let fresnel_multiple =
-            fresnel_mean * average / (Vec3A::ONE - fresnel_mean * (1.0 - average));
-        let scale = weight * (Vec3A::ONE + fresnel_multiple * ((1.0 - single) / single));
-        let fresnel_seen = mix(f0, f90, energy::mean_curve(curve, roughness, cos_wo));
-        Self {
-            alpha: roughness * roughness,
-            curve,
-            f0: scale * f0,
-            f90: scale * f90,
-            albedo: scale * single * fresnel_seen,
+    /// Share of white light scattered towards the viewer.
+    pub fn albedo(&self) -> Vec3A {
+        self.reflected + self.transmitted
+    }
+
+    /// The same of what counts to `part`.
+    pub fn albedo_of(&self, part: Part) -> Vec3A {
+        match (part, self.is_diffuse()) {
+            (Part::Transmission, _) => self.transmitted,
+            (Part::Diffuse, true) | (Part::Glossy, false) => self.reflected,
+            _ => Vec3A::ZERO,
         }
     }
 
-    /// GGX alpha.
-    pub fn alpha(&self) -> f32 {
-        self.alpha
+    fn is_diffuse(&self) -> bool {
+        matches!(self.model, Model::OrenNayar(_) | Model::Sheen(_))
     }
 
-    /// Share of white light reflected towards the viewer.
-    pub fn albedo(&self) -> Vec3A {
-        self.albedo
+    /// Whether another closure scatters in the same way.
+    pub fn is_like(&self, other: &Lobe) -> bool {
+        std::mem::discriminant(&self.model) == std::mem::discriminant(&other.model)
     }
 
-    /// Takes up another lobe's energy, but with this lobe's roughness and curve.
+    /// Takes up the energy of a closure that scatters in the same way, but keeps its own shape.
     pub fn absorb(&mut self, other: &Lobe) {
-        self.f0 += other.f0;
-        self.f90 += other.f90;
-        self.albedo += other.albedo;
+        self.reflected += other.reflected;
+        self.transmitted += other.transmitted;
+        match (&mut self.model, &other.model) {
+            (Model::Reflection(own), Model::Reflection(other)) => own.fresnel.add(&other.fresnel),
+            (Model::Interface(own), Model::Interface(other)) => own.add(other),
+            (Model::OrenNayar(own), Model::OrenNayar(other)) => own.weight += other.weight,
+            (Model::Sheen(own), Model::Sheen(other)) => own.weight += other.weight,
+            (Model::Translucent(own), Model::Translucent(other)) => own.weight += other.weight,
+            _ => {}
+        }
     }
 
-    /// `f cos` [1/sr] and the density of [`Lobe::sample`] [1/sr]; both directions above z = 0.
-    pub fn eval(&self, wo: Vec3A, wi: Vec3A) -> (Vec3A, f32) {
-        let half = (wo + wi).normalize_or(Vec3A::Z);
-        let common = ggx_distribution(self.alpha, half) / (4.0 * wo.z);
-        let fresnel = mix(
-            self.f0,
-            self.f90,
-            self.curve.at(wo.dot(half).clamp(0.0, 1.0)),
-        );
-        (
-            fresnel * (common * ggx_masking_shadowing(self.alpha, wo, wi)),
-            common * ggx_masking(self.alpha, wo),
-        )
+    /// Leaves out what counts to `part`.
+    pub fn remove(&mut self, part: Part) {
+        match (part, self.is_diffuse()) {
+            (Part::Transmission, _) => self.transmitted = Vec3A::ZERO,
+            (Part::Diffuse, true) | (Part::Glossy, false) => self.reflected = Vec3A::ZERO,
+            _ => return,
+        }
+        if let Model::Interface(interface) = &mut self.model {
+            interface.remove(part);
+        }
     }
 
-    /// A direction above z = 0, or none where the microfacet reflects downwards.
-    pub fn sample(&self, wo: Vec3A, u: [f32; 2]) -> Option<Vec3A> {
-        let half = sample_ggx_visible_normal(wo, self.alpha, u);
-        let wi = (2.0 * wo.dot(half) * half - wo).normalize();
-        (wi.z > 0.0).then_some(wi)
+    /// The distribution of its microfacets, if it has any.
+    pub fn ggx_mut(&mut self) -> Option<&mut Ggx> {
+        match &mut self.model {
+            Model::Reflection(r) => Some(&mut r.ggx),
+            Model::Interface(i) => Some(&mut i.ggx),
+            _ => None,
+        }
+    }
+
+    /// `f cos` [1/sr] and the density of [`Lobe::sample`] [1/sr], in the basis of its normal; `wo`
+    /// is above z = 0. Nothing where it is black.
+    pub fn eval(&self, wo: Vec3A, wi: Vec3A) -> Option<Scattered> {
+        match &self.model {
+            Model::Reflection(r) => r.eval(wo, wi),
+            Model::Interface(i) => i.eval(wo, wi),
+            Model::OrenNayar(d) => d.eval(wo, wi),
+            Model::Sheen(s) => s.eval(wi),
+            Model::Translucent(t) => t.eval(wi),
+        }
+    }
+
+    /// The part that light from `wi` counts to; none where the closure scatters nothing there.
+    pub fn part_towards(&self, wi: Vec3A) -> Option<Part> {
+        let is_above = wi.z > 0.0;
+        match (&self.model, is_above) {
+            (Model::OrenNayar(_) | Model::Sheen(_), true) => Some(Part::Diffuse),
+            (Model::Reflection(_) | Model::Interface(_), true) => Some(Part::Glossy),
+            (Model::Translucent(_) | Model::Interface(_), false) => Some(Part::Transmission),
+            _ => None,
+        }
+    }
+
+    /// A direction in the basis of its normal.
+    pub fn sample(&self, wo: Vec3A, u_choice: f32, u: [f32; 2]) -> Option<Vec3A> {
+        match &self.model {
+            Model::Reflection(r) => Some(r.sample(wo, u)),
+            Model::Interface(i) => i.sample(wo, u_choice, u),
+            Model::OrenNayar(_) => Some(sample_cosine_hemisphere(u)),
+            Model::Sheen(s) => Some(s.sample(u)),
+            Model::Translucent(_) => Some(Translucent::sample(u)),
+        }
     }
 }

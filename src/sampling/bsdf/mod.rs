@@ -1,83 +1,115 @@
-//! How a surface scatters light at a hit: a Lambert part and a few GGX lobes, kept apart because
-//! only the diffuse part takes borrowed light.
+//! How a surface scatters light at a hit: a Lambert part, which takes borrowed light, and a short
+//! list of other closures, each with its own normal.
 //!
-//! Weights follow Cycles' Principled BSDF (4.x and 5.x) without transmission, coat, sheen and
-//! subsurface: metal (Schlick from the base colour to white), else a dielectric layer over Lambert;
-//! what the layer reflects towards the viewer is missing below it. GGX is compensated for multiple
-//! scattering ("Multiscatter GGX", Blender's default).
+//! Closures and their weights follow Cycles (Blender 4.2 to 5.2): see [`principled`],
+//! [`microfacet`] and [`diffuse`].
 //!
 //! # Geometric and shading normal
-//! Directions below the geometric surface scatter nothing, in evaluation and in sampling alike, so
-//! the estimators agree. Seen from behind its shading normal a lobe would be black: its normal is
-//! bent just so far that the mirror direction leaves the surface. Neither rescales energy: smooth
-//! shading of coarse meshes loses some near the terminator, where the mesh shadows itself anyway.
+//! Reflection goes to the viewer's side of the geometric surface and transmission to the other, in
+//! evaluation and in sampling alike, so the estimators agree. Seen from behind its shading normal a
+//! lobe would be black: its normal is bent just so far that the mirror direction leaves the surface.
+//! Neither rescales energy: smooth shading of coarse meshes loses some near the terminator, where
+//! the mesh shadows itself anyway.
 //!
 //! # Departures from Cycles
-//! Cycles checks the geometric normal in sampling only; roughness below 0.01 counts as 0.01.
+//! Cycles checks the geometric normal in sampling only; roughness below 0.01 counts as 0.01; an
+//! index of refraction within 0.001 of one counts as 0.001 away.
 
+mod diffuse;
 mod energy;
 mod fresnel;
 mod lobe;
+mod microfacet;
+mod principled;
 
-use glam::Vec3A;
+use glam::{Quat, Vec3A};
 
 use crate::math::warp::{pdf_cosine_hemisphere, sample_cosine_hemisphere};
-use crate::math::{Frame, luminance};
-use fresnel::{Curve, f0_from_ior, ior_from_f0};
-pub use lobe::ALPHA_MIN;
-use lobe::Lobe;
+use crate::math::{Frame, Ggx, luminance};
+use diffuse::{OrenNayar, Sheen, Translucent};
+use fresnel::{Curve, Fresnel, f0_from_ior};
+use lobe::{Lobe, Model};
+pub use microfacet::ALPHA_MIN;
+use microfacet::{Glass, Interface, Reflection};
+pub use principled::Principled;
 
-/// GGX lobes a surface may have: two Principled BSDFs, mixed. Further ones share the roughness of
-/// the last; each place costs time at every hit.
-pub const MAX_LOBES: usize = 4;
+/// Closures that a surface may have beside its Lambert part: a Principled BSDF with all its layers.
+/// Further ones take the shape of the last one of their kind; each place costs time at every hit.
+pub const MAX_LOBES: usize = 6;
 
-/// Principled BSDF after its textures.
-#[derive(Debug, Clone, Copy)]
-pub struct Principled {
-    /// Base colour.
-    pub base_color: Vec3A,
-    /// Metallic, 0 to 1.
-    pub metallic: f32,
-    /// Blender's roughness, 0 to 1; GGX alpha is its square.
-    pub roughness: f32,
-    /// Index of refraction.
-    pub ior: f32,
-    /// Specular IOR Level: F0 is multiplied by twice this.
-    pub specular: f32,
+/// Different normals and tangents that a surface's closures may have; further ones take the last.
+const MAX_VIEWS: usize = 4;
+
+/// Which part of a surface scattered light, as bounce limits and passes count it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// Reflection without a mirror direction.
+    Diffuse,
+    /// Reflection about a mirror direction.
+    Glossy,
+    /// Everything that goes through the surface.
+    Transmission,
 }
 
 /// `f cos` of each part [1/sr].
 #[derive(Debug, Clone, Copy, Default)]
 pub struct LobeValues {
     /// Lambert part.
+    pub lambert: Vec3A,
+    /// Other diffuse reflection.
     pub diffuse: Vec3A,
-    /// All GGX lobes.
+    /// Glossy reflection.
     pub glossy: Vec3A,
+    /// Transmission.
+    pub transmission: Vec3A,
 }
 
 impl LobeValues {
     /// The whole surface.
     pub fn sum(&self) -> Vec3A {
-        self.diffuse + self.glossy
+        self.lambert + self.own()
+    }
+
+    /// All but the Lambert part.
+    pub fn own(&self) -> Vec3A {
+        self.diffuse + self.glossy + self.transmission
+    }
+
+    fn add_scattered(&mut self, scattered: &Scattered) {
+        let sum = match scattered.part {
+            Part::Diffuse => &mut self.diffuse,
+            Part::Glossy => &mut self.glossy,
+            Part::Transmission => &mut self.transmission,
+        };
+        *sum += scattered.value;
     }
 }
 
-/// Density [1/sr] of each part's own sampler, without the probability of choosing the part.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct LobePdfs {
-    /// Of [`Bsdf::sample_diffuse`].
-    pub diffuse: f32,
-    /// Of [`Bsdf::sample_glossy`].
-    pub glossy: f32,
+impl std::ops::AddAssign for LobeValues {
+    fn add_assign(&mut self, other: Self) {
+        self.lambert += other.lambert;
+        self.diffuse += other.diffuse;
+        self.glossy += other.glossy;
+        self.transmission += other.transmission;
+    }
 }
 
-/// Which part a direction was drawn from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
-    /// Lambert.
-    Diffuse,
-    /// A GGX lobe.
-    Glossy,
+/// Density [1/sr] of the two samplers, without the probability of choosing one.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct LobePdfs {
+    /// Of [`Bsdf::sample_lambert`].
+    pub lambert: f32,
+    /// Of [`Bsdf::sample_own`].
+    pub own: f32,
+}
+
+/// What one closure scatters in a direction.
+#[derive(Debug, Clone, Copy)]
+struct Scattered {
+    part: Part,
+    /// `f cos` [1/sr].
+    value: Vec3A,
+    pdf_solid_angle: f32,
 }
 
 /// A scattered direction.
@@ -87,127 +119,302 @@ pub struct BsdfSample {
     pub direction: Vec3A,
     /// The part it was drawn from.
     pub part: Part,
-    /// `f cos` of both parts [1/sr].
+    /// `f cos` of all parts [1/sr].
     pub value: LobeValues,
-    /// Densities of both parts [1/sr].
+    /// Densities of both samplers [1/sr].
     pub pdfs: LobePdfs,
+}
+
+/// A basis that closures share, and the viewer in it.
+#[derive(Debug, Clone, Copy)]
+struct View {
+    frame: Frame,
+    /// What the basis' x axis was made of; zero where it is arbitrary.
+    tangent: Vec3A,
+    /// Direction to the viewer, above z = 0.
+    wo: Vec3A,
+}
+
+impl View {
+    const UNUSED: Self = Self {
+        frame: Frame::IDENTITY,
+        tangent: Vec3A::ZERO,
+        wo: Vec3A::Z,
+    };
 }
 
 /// A surface at a hit, seen from one direction.
 #[derive(Debug, Clone, Copy)]
 pub struct Bsdf {
     geometric_normal: Vec3A,
-    diffuse_frame: Frame,
-    glossy_frame: Frame,
-    /// Direction to the viewer in `glossy_frame`.
-    wo_local: Vec3A,
-    diffuse: Vec3A,
+    wo: Vec3A,
+    is_front: bool,
+    /// Albedo of the Lambert part.
+    lambert: Vec3A,
+    lambert_view: u8,
+    lobe_count: u8,
+    view_count: u8,
     lobes: [Lobe; MAX_LOBES],
-    lobe_count: usize,
+    views: [View; MAX_VIEWS],
 }
 
+/// Building a surface. Weights are what mixing leaves of a closure; normals are unit vectors in world
+/// space on the viewer's side of the geometric surface; roughness is Blender's, 0 to 1.
 impl Bsdf {
-    /// A black surface seen from `wo`. All are unit vectors in world space; `geometric_normal` is
-    /// on the side of `wo`, and `shading_normal` on the side of `geometric_normal`.
-    pub fn new(shading_normal: Vec3A, geometric_normal: Vec3A, wo: Vec3A) -> Self {
-        let glossy_normal = reflecting_normal(shading_normal, geometric_normal, wo);
-        let glossy_frame = Frame::from_normal(glossy_normal);
-        let mut wo_local = glossy_frame.to_local(wo);
-        wo_local.z = wo_local.z.max(1e-6);
+    /// A black surface seen from `wo`, from outside where `is_front`. Both are unit vectors in world
+    /// space; `geometric_normal` is on the side of `wo`.
+    pub fn new(geometric_normal: Vec3A, wo: Vec3A, is_front: bool) -> Self {
         Self {
             geometric_normal,
-            diffuse_frame: Frame::from_normal(shading_normal),
-            glossy_frame,
-            wo_local,
-            diffuse: Vec3A::ZERO,
-            lobes: [Lobe::BLACK; MAX_LOBES],
+            wo,
+            is_front,
+            lambert: Vec3A::ZERO,
+            lambert_view: 0,
             lobe_count: 0,
+            view_count: 0,
+            lobes: [Lobe::BLACK; MAX_LOBES],
+            views: [View::UNUSED; MAX_VIEWS],
         }
     }
 
-    /// Adds a Principled BSDF with this weight (its alpha included).
-    pub fn add_principled(&mut self, weight: f32, params: &Principled) {
-        let base_color = params.base_color.max(Vec3A::ZERO);
-        let metallic = params.metallic.clamp(0.0, 1.0);
-        if metallic > 0.0 {
-            let f0 = base_color.min(Vec3A::ONE);
-            let weight = Vec3A::splat(weight * metallic);
-            self.add_lobe(weight, params.roughness, Curve::Schlick, f0, Vec3A::ONE);
+    /// Adds a Diffuse BSDF: Lambert's, or Oren and Nayar's where it is rough.
+    pub fn add_diffuse(&mut self, weight: Vec3A, color: Vec3A, normal: Vec3A, roughness: f32) {
+        let color = color.max(Vec3A::ZERO);
+        let albedo = weight * color;
+        if !(albedo.max_element() > 0.0) {
+            return;
         }
-        let below = self.add_dielectric(Vec3A::splat(weight * (1.0 - metallic)), params);
-        self.diffuse += base_color * below;
+        let view = self.view(normal, None);
+        let is_first = self.lambert == Vec3A::ZERO;
+        if roughness <= 0.0 && (is_first || self.lambert_view == view) {
+            self.lambert_view = view;
+            self.lambert += albedo;
+            return;
+        }
+        let model = OrenNayar::new(albedo, color, roughness.clamp(0.0, 1.0), self.cos_wo(view));
+        self.add(view, Model::OrenNayar(model), [albedo, Vec3A::ZERO]);
     }
 
-    /// Adds a Diffuse BSDF: `color` is the albedo times the weight.
-    pub fn add_diffuse(&mut self, color: Vec3A) {
-        self.diffuse += color.max(Vec3A::ZERO);
+    /// Adds a Translucent BSDF; the weight includes its colour.
+    pub fn add_translucent(&mut self, weight: Vec3A, normal: Vec3A) {
+        let view = self.view(self.reflecting_normal(normal), None);
+        let model = Model::Translucent(Translucent { weight });
+        self.add(view, model, [Vec3A::ZERO, weight]);
     }
 
-    /// Adds a Glossy BSDF.
-    pub fn add_glossy(&mut self, weight: f32, color: Vec3A, roughness: f32) {
-        let color = color.clamp(Vec3A::ZERO, Vec3A::ONE);
-        self.add_lobe(
-            Vec3A::splat(weight),
-            roughness,
-            Curve::Schlick,
-            color,
-            color,
-        );
-    }
-
-    /// Adds the dielectric layer of a Principled BSDF; returns the weight that is left below it.
-    fn add_dielectric(&mut self, weight: Vec3A, params: &Principled) -> Vec3A {
-        if weight == Vec3A::ZERO {
-            return weight;
-        }
-        let mut ior = params.ior.max(1e-5);
-        let mut f0 = f0_from_ior(ior);
-        if params.specular != 0.5 {
-            f0 *= 2.0 * params.specular.max(0.0);
-            let adjusted = ior_from_f0(f0);
-            ior = if ior < 1.0 { 1.0 / adjusted } else { adjusted };
-        }
-        if ior == 1.0 {
-            return weight;
-        }
-        let f0 = Vec3A::splat(f0.min(1.0));
-        let curve = Curve::Dielectric { ior };
-        let albedo = self.add_lobe(weight, params.roughness, curve, f0, Vec3A::ONE);
-        weight * (1.0 - (albedo / weight).max_element()).clamp(0.0, 1.0)
-    }
-
-    /// Adds a GGX lobe and returns its albedo.
-    fn add_lobe(
+    /// Adds a Glossy BSDF. `anisotropy` is between -1 and 1; `tangent` has any length and is not
+    /// asked for without anisotropy.
+    pub fn add_glossy(
         &mut self,
         weight: Vec3A,
+        color: Vec3A,
+        normal: Vec3A,
         roughness: f32,
-        curve: Curve,
-        f0: Vec3A,
-        f90: Vec3A,
+        (anisotropy, tangent): (f32, Vec3A),
+        is_multiscatter: bool,
+    ) {
+        let color = color.clamp(Vec3A::ZERO, Vec3A::ONE);
+        let normal = self.reflecting_normal(normal);
+        let alpha = alpha(roughness);
+        let anisotropy = anisotropy.clamp(-0.99, 0.99);
+        let (tangent, ggx) = if anisotropy == 0.0 {
+            (None, Ggx::isotropic(alpha))
+        } else {
+            let (narrow, wide) = (1.0 - anisotropy.abs(), 1.0 / (1.0 - anisotropy.abs()));
+            let [along, across] = if anisotropy < 0.0 {
+                [wide, narrow]
+            } else {
+                [narrow, wide]
+            };
+            let limited = |factor: f32| (alpha * factor).clamp(ALPHA_MIN, 1.0);
+            (Some(tangent), Ggx::new(limited(along), limited(across)))
+        };
+        let view = self.view(normal, tangent);
+        let fresnel = Fresnel::new(Curve::Schlick, color, color);
+        self.add_reflection(view, weight, ggx, fresnel, is_multiscatter);
+    }
+
+    /// Adds a Refraction BSDF; the weight includes its colour.
+    pub fn add_refraction(&mut self, weight: Vec3A, normal: Vec3A, roughness: f32, ior: f32) {
+        let glass = Glass {
+            ggx: Ggx::isotropic(alpha(roughness)),
+            ior: self.relative_ior(ior),
+            f0: None,
+            reflection_tint: Vec3A::ZERO,
+            transmission_tint: Vec3A::ONE,
+        };
+        self.add_interface(weight, normal, &glass, false);
+    }
+
+    /// Adds a Glass BSDF.
+    pub fn add_glass(
+        &mut self,
+        weight: Vec3A,
+        color: Vec3A,
+        normal: Vec3A,
+        roughness: f32,
+        ior: f32,
+        is_multiscatter: bool,
+    ) {
+        let color = color.max(Vec3A::ZERO);
+        let glass = Glass {
+            ggx: Ggx::isotropic(alpha(roughness)),
+            ior: self.relative_ior(ior),
+            f0: Some(Vec3A::splat(f0_from_ior(ior.max(1e-5)))),
+            reflection_tint: color,
+            transmission_tint: color,
+        };
+        self.add_interface(weight, normal, &glass, is_multiscatter);
+    }
+
+    /// Adds a Sheen BSDF (microfibre); the weight includes its colour. Returns its albedo.
+    pub fn add_sheen(&mut self, weight: Vec3A, normal: Vec3A, roughness: f32) -> Vec3A {
+        let view = self.view(normal, None);
+        let wo = self.views[view as usize].wo;
+        let (sheen, albedo) = Sheen::new(weight, roughness, wo);
+        self.add(view, Model::Sheen(sheen), [albedo, Vec3A::ZERO]);
+        albedo
+    }
+
+    /// Adds microfacets that reflect and returns their albedo.
+    fn add_reflection(
+        &mut self,
+        view: u8,
+        weight: Vec3A,
+        ggx: Ggx,
+        fresnel: Fresnel,
+        is_multiscatter: bool,
     ) -> Vec3A {
-        let lobe = Lobe::new(weight, roughness, curve, f0, f90, self.wo_local.z);
-        if lobe.albedo().max_element() <= 0.0 {
-            return Vec3A::ZERO;
+        let cos = self.cos_wo(view);
+        let (model, albedo) = Reflection::new(weight, ggx, fresnel, is_multiscatter, cos);
+        self.add(view, Model::Reflection(model), [albedo, Vec3A::ZERO]);
+        albedo
+    }
+
+    fn add_interface(
+        &mut self,
+        weight: Vec3A,
+        normal: Vec3A,
+        glass: &Glass,
+        is_multiscatter: bool,
+    ) {
+        let view = self.view(self.reflecting_normal(normal), None);
+        let cos = self.cos_wo(view);
+        let (model, albedos) = Interface::new(weight, glass, is_multiscatter, cos);
+        self.add(view, Model::Interface(model), albedos);
+    }
+
+    fn add(&mut self, view: u8, model: Model, [reflected, transmitted]: [Vec3A; 2]) {
+        let lobe = Lobe {
+            view,
+            model,
+            reflected,
+            transmitted,
+        };
+        if !(lobe.albedo().max_element() > 0.0) {
+            return;
         }
-        if self.lobe_count < MAX_LOBES {
-            self.lobes[self.lobe_count] = lobe;
+        let count = self.lobe_count as usize;
+        if count < MAX_LOBES {
+            self.lobes[count] = lobe;
             self.lobe_count += 1;
         } else {
-            self.lobes[MAX_LOBES - 1].absorb(&lobe);
+            let like = self.lobes.iter().rposition(|other| other.is_like(&lobe));
+            match like {
+                Some(index) => self.lobes[index].absorb(&lobe),
+                None => self.lobes[MAX_LOBES - 1] = lobe,
+            }
         }
-        lobe.albedo()
     }
 
+    /// The basis around a normal, with its x axis along a tangent where that matters.
+    fn view(&mut self, normal: Vec3A, tangent: Option<Vec3A>) -> u8 {
+        let fits = |view: &View| {
+            view.frame.normal() == normal && tangent.is_none_or(|tangent| tangent == view.tangent)
+        };
+        let used = &self.views[..self.view_count as usize];
+        if let Some(index) = used.iter().position(fits) {
+            return index as u8;
+        }
+        if used.len() == MAX_VIEWS {
+            return MAX_VIEWS as u8 - 1;
+        }
+        let frame = match tangent {
+            Some(tangent) => Frame::from_normal_and_tangent(normal, tangent),
+            None => Frame::from_normal(normal),
+        };
+        let mut wo = frame.to_local(self.wo);
+        wo.z = wo.z.max(1e-6);
+        self.views[self.view_count as usize] = View {
+            frame,
+            tangent: tangent.unwrap_or(Vec3A::ZERO),
+            wo,
+        };
+        self.view_count += 1;
+        self.view_count - 1
+    }
+
+    fn cos_wo(&self, view: u8) -> f32 {
+        self.views[view as usize].wo.z
+    }
+
+    /// The index of refraction beyond the surface over that on the viewer's side.
+    fn relative_ior(&self, ior: f32) -> f32 {
+        let ior = ior.max(1e-5);
+        if self.is_front { ior } else { 1.0 / ior }
+    }
+
+    /// The normal, bent as little as lets a mirror send the viewer's direction back above the
+    /// surface.
+    ///
+    /// The mirror direction is lifted to a grazing one; the new normal is halfway between it and the
+    /// viewer.
+    fn reflecting_normal(&self, normal: Vec3A) -> Vec3A {
+        /// Sine of the angle above the surface that a mirror direction must keep.
+        const GRAZING: f32 = 0.01;
+        let (wo, geometric_normal) = (self.wo, self.geometric_normal);
+        let least = (0.9 * wo.dot(geometric_normal)).clamp(0.0, GRAZING);
+        let mirror = 2.0 * normal.dot(wo) * normal - wo;
+        let height = mirror.dot(geometric_normal);
+        if height >= least {
+            return normal;
+        }
+        let lifted = (mirror + geometric_normal * (least - height)).normalize_or(geometric_normal);
+        (lifted + wo).normalize_or(geometric_normal)
+    }
+
+    /// Widens every glossy closure to at least this GGX alpha. Its energy stays what it was.
+    pub fn blur(&mut self, alpha: f32) {
+        for lobe in &mut self.lobes[..self.lobe_count as usize] {
+            if let Some(ggx) = lobe.ggx_mut() {
+                *ggx = ggx.at_least(alpha);
+            }
+        }
+    }
+
+    /// Leaves out what counts to `part`, but for the Lambert part.
+    pub fn remove(&mut self, part: Part) {
+        for lobe in &mut self.lobes[..self.lobe_count as usize] {
+            lobe.remove(part);
+        }
+    }
+}
+
+/// Scattering light.
+impl Bsdf {
     fn lobes(&self) -> &[Lobe] {
-        &self.lobes[..self.lobe_count]
+        &self.lobes[..self.lobe_count as usize]
     }
 
-    /// Probability that [`Bsdf::sample`] chooses the diffuse part: 0 or 1 where the other is black.
-    pub fn probability_diffuse(&self) -> f32 {
-        let diffuse = luminance(self.diffuse);
-        let glossy = luminance(self.albedo_glossy());
-        if diffuse + glossy > 0.0 {
-            diffuse / (diffuse + glossy)
+    /// Probability that [`Bsdf::sample`] chooses the Lambert part: 0 or 1 where the other is black.
+    pub fn probability_lambert(&self) -> f32 {
+        if self.lobe_count == 0 {
+            return 1.0;
+        }
+        let lambert = luminance(self.lambert);
+        let own: f32 = self.lobes().iter().map(|l| luminance(l.albedo())).sum();
+        if lambert + own > 0.0 {
+            lambert / (lambert + own)
         } else {
             1.0
         }
@@ -215,82 +422,96 @@ impl Bsdf {
 
     /// Whether the surface scatters nothing.
     pub fn is_black(&self) -> bool {
-        self.diffuse == Vec3A::ZERO && self.lobe_count == 0
+        self.lambert == Vec3A::ZERO && self.lobe_count == 0
     }
 
-    /// Values and densities of both parts towards `wi`.
+    /// Whether light may come through the surface.
+    pub fn is_transmissive(&self) -> bool {
+        self.lobes().iter().any(|l| l.transmitted != Vec3A::ZERO)
+    }
+
+    /// Values and densities towards `wi`.
     pub fn eval(&self, wi: Vec3A) -> (LobeValues, LobePdfs) {
-        if wi.dot(self.geometric_normal) <= 0.0 {
-            return Default::default();
+        let is_above = wi.dot(self.geometric_normal) > 0.0;
+        let (mut values, mut pdfs) = (LobeValues::default(), LobePdfs::default());
+        if is_above && self.lambert != Vec3A::ZERO {
+            pdfs.lambert = pdf_cosine_hemisphere(wi.dot(self.lambert_normal()));
+            values.lambert = self.lambert * pdfs.lambert;
         }
-        let cosine_pdf = pdf_cosine_hemisphere(wi.dot(self.diffuse_frame.normal()));
-        let (glossy, glossy_pdf) = self.eval_glossy(wi);
-        let has_diffuse = self.diffuse != Vec3A::ZERO;
-        (
-            LobeValues {
-                diffuse: self.diffuse * cosine_pdf,
-                glossy,
-            },
-            LobePdfs {
-                diffuse: if has_diffuse { cosine_pdf } else { 0.0 },
-                glossy: glossy_pdf,
-            },
-        )
+        if self.lobe_count > 0 {
+            pdfs.own = self.eval_own(wi, is_above, &mut values);
+        }
+        (values, pdfs)
     }
 
-    fn eval_glossy(&self, wi: Vec3A) -> (Vec3A, f32) {
-        let wi = self.glossy_frame.to_local(wi);
-        if wi.z <= 0.0 || self.lobe_count == 0 {
-            return (Vec3A::ZERO, 0.0);
-        }
-        let (mut value, mut pdf, mut total) = (Vec3A::ZERO, 0.0, 0.0);
+    /// Adds the closures' values and returns the density of their sampler.
+    fn eval_own(&self, wi: Vec3A, is_above: bool, values: &mut LobeValues) -> f32 {
+        let (mut pdf, mut total) = (0.0, 0.0);
+        let (mut view, mut wi_local) = (u8::MAX, Vec3A::ZERO);
         for lobe in self.lobes() {
-            let (lobe_value, lobe_pdf) = lobe.eval(self.wo_local, wi);
+            if lobe.view != view {
+                view = lobe.view;
+                wi_local = self.views[view as usize].frame.to_local(wi);
+            }
             let weight = luminance(lobe.albedo());
-            value += lobe_value;
-            pdf += weight * lobe_pdf;
             total += weight;
+            let Some(scattered) = lobe.eval(self.views[view as usize].wo, wi_local) else {
+                continue;
+            };
+            if is_above != (scattered.part == Part::Transmission) {
+                values.add_scattered(&scattered);
+                pdf += weight * scattered.pdf_solid_angle;
+            }
         }
-        (value, pdf / total)
+        if total > 0.0 { pdf / total } else { 0.0 }
     }
 
     /// The density with which [`Bsdf::sample`] draws a direction that has these densities.
     pub fn pdf(&self, pdfs: LobePdfs) -> f32 {
-        let diffuse = self.probability_diffuse();
-        diffuse * pdfs.diffuse + (1.0 - diffuse) * pdfs.glossy
+        let lambert = self.probability_lambert();
+        lambert * pdfs.lambert + (1.0 - lambert) * pdfs.own
     }
 
-    /// A direction of the diffuse part; none below the geometric surface.
-    pub fn sample_diffuse(&self, u: [f32; 2]) -> Option<Vec3A> {
-        let direction = self.diffuse_frame.to_world(sample_cosine_hemisphere(u));
-        self.above(direction)
+    /// A direction of the Lambert part; none below the geometric surface.
+    pub fn sample_lambert(&self, u: [f32; 2]) -> Option<Vec3A> {
+        let frame = &self.views[self.lambert_view as usize].frame;
+        let direction = frame.to_world(sample_cosine_hemisphere(u));
+        (direction.dot(self.geometric_normal) > 0.0).then_some(direction)
     }
 
-    /// A direction of the glossy part; none below the surface.
-    pub fn sample_glossy(&self, u_lobe: f32, u: [f32; 2]) -> Option<Vec3A> {
-        let total: f32 = self
-            .lobes()
-            .iter()
-            .map(|lobe| luminance(lobe.albedo()))
-            .sum();
+    /// A direction of the other closures; none on the wrong side of the surface.
+    pub fn sample_own(&self, u_lobe: f32, u: [f32; 2]) -> Option<(Vec3A, Part)> {
+        let weight = |lobe: &Lobe| luminance(lobe.albedo());
+        let total: f32 = self.lobes().iter().map(weight).sum();
         let mut rest = u_lobe * total;
-        let lobe = self.lobes().iter().find(|lobe| {
-            rest -= luminance(lobe.albedo());
-            rest < 0.0
-        });
-        // Rounding may leave a rest behind the last lobe.
-        let lobe = lobe.or(self.lobes().last())?;
-        self.above(self.glossy_frame.to_world(lobe.sample(self.wo_local, u)?))
+        let mut chosen = None;
+        for lobe in self.lobes() {
+            let weight = weight(lobe);
+            if weight > 0.0 {
+                // Rounding may leave a rest behind the last lobe.
+                chosen = Some((lobe, rest / weight));
+                if rest < weight {
+                    break;
+                }
+            }
+            rest -= weight;
+        }
+        let (lobe, u_choice) = chosen?;
+        let view = &self.views[lobe.view as usize];
+        let local = lobe.sample(view.wo, u_choice, u)?;
+        let direction = view.frame.to_world(local);
+        let is_above = direction.dot(self.geometric_normal) > 0.0;
+        let part = lobe.part_towards(local)?;
+        (is_above != (part == Part::Transmission)).then_some((direction, part))
     }
 
-    /// A direction of either part, chosen with [`Bsdf::probability_diffuse`].
+    /// A direction of the whole surface, chosen with [`Bsdf::probability_lambert`].
     pub fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
-        let probability = self.probability_diffuse();
-        let (part, direction) = if u_lobe < probability {
-            (Part::Diffuse, self.sample_diffuse(u)?)
+        let probability = self.probability_lambert();
+        let (direction, part) = if u_lobe < probability {
+            (self.sample_lambert(u)?, Part::Diffuse)
         } else {
-            let rescaled = (u_lobe - probability) / (1.0 - probability);
-            (Part::Glossy, self.sample_glossy(rescaled, u)?)
+            self.sample_own((u_lobe - probability) / (1.0 - probability), u)?
         };
         let (value, pdfs) = self.eval(direction);
         // A black surface has no density: dividing by it would spoil the light it emits itself.
@@ -302,49 +523,47 @@ impl Bsdf {
         })
     }
 
-    fn above(&self, direction: Vec3A) -> Option<Vec3A> {
-        (direction.dot(self.geometric_normal) > 0.0).then_some(direction)
+    /// The shading normal of the Lambert part; that of the geometric surface without one.
+    pub fn lambert_normal(&self) -> Vec3A {
+        if self.view_count == 0 {
+            return self.geometric_normal;
+        }
+        self.views[self.lambert_view as usize].frame.normal()
     }
 
-    /// Share of white light that the diffuse part reflects.
-    pub fn albedo_diffuse(&self) -> Vec3A {
-        self.diffuse
+    /// Share of white light that the Lambert part reflects.
+    pub fn albedo_lambert(&self) -> Vec3A {
+        self.lambert
     }
 
-    /// Share of white light that the glossy part reflects towards the viewer.
-    pub fn albedo_glossy(&self) -> Vec3A {
-        self.lobes().iter().map(Lobe::albedo).sum()
+    /// Share of white light that a part scatters towards the viewer; Lambert counts as diffuse.
+    pub fn albedo_of(&self, part: Part) -> Vec3A {
+        let own: Vec3A = self.lobes().iter().map(|l| l.albedo_of(part)).sum();
+        if part == Part::Diffuse {
+            own + self.lambert
+        } else {
+            own
+        }
     }
 
-    /// Share of white light reflected towards the viewer.
+    /// Share of white light scattered towards the viewer.
     pub fn albedo(&self) -> Vec3A {
-        self.diffuse + self.albedo_glossy()
-    }
-
-    /// Smallest and largest GGX alpha of the glossy part, if there is one.
-    pub fn glossy_alphas(&self) -> Option<(f32, f32)> {
-        let alphas = self.lobes().iter().map(Lobe::alpha);
-        alphas.fold(None, |range: Option<(f32, f32)>, alpha| {
-            let (low, high) = range.unwrap_or((alpha, alpha));
-            Some((low.min(alpha), high.max(alpha)))
-        })
+        self.lambert + self.lobes().iter().map(Lobe::albedo).sum::<Vec3A>()
     }
 }
 
-/// The shading normal, bent as little as lets a mirror send `wo` back above the surface.
-///
-/// The mirror direction is lifted to a grazing one; the new normal is halfway between it and `wo`.
-fn reflecting_normal(shading_normal: Vec3A, geometric_normal: Vec3A, wo: Vec3A) -> Vec3A {
-    /// Sine of the angle above the surface that a mirror direction must keep.
-    const GRAZING: f32 = 0.01;
-    let least = (0.9 * wo.dot(geometric_normal)).clamp(0.0, GRAZING);
-    let mirror = 2.0 * shading_normal.dot(wo) * shading_normal - wo;
-    let height = mirror.dot(geometric_normal);
-    if height >= least {
-        return shading_normal;
+/// GGX alpha of Blender's roughness.
+fn alpha(roughness: f32) -> f32 {
+    let roughness = roughness.clamp(0.0, 1.0);
+    (roughness * roughness).max(ALPHA_MIN)
+}
+
+/// A vector turned about a normal by `turns` circles.
+fn rotated_about(normal: Vec3A, vector: Vec3A, turns: f32) -> Vec3A {
+    if turns == 0.0 {
+        return vector;
     }
-    let lifted = (mirror + geometric_normal * (least - height)).normalize_or(geometric_normal);
-    (lifted + wo).normalize_or(geometric_normal)
+    Quat::from_axis_angle(normal.into(), turns * std::f32::consts::TAU) * vector
 }
 
 #[cfg(test)]

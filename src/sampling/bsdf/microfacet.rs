@@ -1,0 +1,250 @@
+//! GGX microfacets that reflect, or reflect and refract, seen from a fixed direction in the basis of
+//! their normal.
+
+use glam::Vec3A;
+
+use super::energy;
+use super::fresnel::{Curve, Fresnel};
+use super::{Part, Scattered};
+use crate::math::Ggx;
+
+/// Smallest GGX alpha (a roughness of 0.01): keeps every density finite in single precision. A
+/// mirror blurs by a hundredth of a degree, a hundredth of the sun's disk.
+pub const ALPHA_MIN: f32 = 1e-4;
+
+/// Microfacets that reflect. Weight and compensation for multiple scattering are in the colours.
+#[derive(Debug, Clone, Copy)]
+pub struct Reflection {
+    pub ggx: Ggx,
+    pub fresnel: Fresnel,
+}
+
+impl Reflection {
+    /// Microfacets seen under the cosine `cos_wo`, and the share of white light that they reflect
+    /// towards the viewer.
+    ///
+    /// Light that bounces between microfacets is given back by scaling the lobe, as Cycles does
+    /// for its "Multiscatter GGX": `1 + Fms (1 - E) / E` with Fms after Kulla and Conty 2017.
+    pub fn new(
+        weight: Vec3A,
+        ggx: Ggx,
+        fresnel: Fresnel,
+        is_multiscatter: bool,
+        cos_wo: f32,
+    ) -> (Self, Vec3A) {
+        let roughness = ggx.alpha().sqrt();
+        let seen = fresnel.seen_under(roughness, cos_wo);
+        let (scale, albedo) = if is_multiscatter {
+            let single = energy::directional_albedo(roughness, cos_wo);
+            let average = energy::average_albedo(roughness);
+            let scale = weight * compensation(single, average, fresnel.mean());
+            (scale, scale * single * seen)
+        } else {
+            (weight, weight * seen)
+        };
+        let fresnel = fresnel.scaled(scale);
+        (Self { ggx, fresnel }, albedo)
+    }
+
+    /// `f cos` [1/sr] and the density of [`Reflection::sample`] [1/sr]; `wo` is above z = 0.
+    pub fn eval(&self, wo: Vec3A, wi: Vec3A) -> Option<Scattered> {
+        if wi.z <= 0.0 {
+            return None;
+        }
+        let half = (wo + wi).normalize_or(Vec3A::Z);
+        let common = self.ggx.distribution(half) / (4.0 * wo.z);
+        let fresnel = self.fresnel.at(wo.dot(half).clamp(0.0, 1.0));
+        Some(Scattered {
+            part: Part::Glossy,
+            value: fresnel * (common * self.ggx.masking_shadowing(wo, wi)),
+            pdf_solid_angle: common * self.ggx.masking(wo),
+        })
+    }
+
+    /// A unit direction; it may lie below z = 0, where the lobe is black.
+    pub fn sample(&self, wo: Vec3A, u: [f32; 2]) -> Vec3A {
+        let half = self.ggx.sample_visible_normal(wo, u);
+        (2.0 * wo.dot(half) * half - wo).normalize()
+    }
+}
+
+/// What the single bounces of a lobe with this albedo, whose Fresnel reflectance is `fresnel` on
+/// average, must be multiplied with.
+fn compensation(single: f32, average: f32, fresnel: Vec3A) -> Vec3A {
+    let multiple = fresnel * average / (Vec3A::ONE - fresnel * (1.0 - average));
+    Vec3A::ONE + multiple * ((1.0 - single) / single)
+}
+
+/// Microfacets of glass: they reflect and refract.
+#[derive(Debug, Clone, Copy)]
+pub struct Interface {
+    pub ggx: Ggx,
+    /// Index of refraction beyond the surface over that on the viewer's side.
+    ior: f32,
+    /// Reflectance at normal incidence; `None` where all is refracted unless it cannot be.
+    f0: Option<Vec3A>,
+    /// Factor on what is reflected, weight and compensation included.
+    reflection: Vec3A,
+    /// Factor on what is refracted, weight and compensation included.
+    transmission: Vec3A,
+}
+
+/// What a glass surface is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct Glass {
+    /// Distribution of its microfacets.
+    pub ggx: Ggx,
+    /// Index of refraction beyond the surface over that on the viewer's side.
+    pub ior: f32,
+    /// Reflectance at normal incidence; `None` where all is refracted unless it cannot be.
+    pub f0: Option<Vec3A>,
+    /// Colour of what is reflected.
+    pub reflection_tint: Vec3A,
+    /// Colour of what is refracted.
+    pub transmission_tint: Vec3A,
+}
+
+/// Indices of refraction keep this distance from one: there half vectors have no digits left. Rays
+/// then bend by less than a thousandth.
+const IOR_STEP: f32 = 1e-3;
+
+impl Interface {
+    /// Glass seen under the cosine `cos_wo`, and the shares of white light that it reflects and
+    /// refracts towards the viewer.
+    ///
+    /// As in Cycles the tint of transmission stands for the colour that light takes on between the
+    /// microfacets.
+    pub fn new(
+        weight: Vec3A,
+        glass: &Glass,
+        is_multiscatter: bool,
+        cos_wo: f32,
+    ) -> (Self, [Vec3A; 2]) {
+        let ior = if (glass.ior - 1.0).abs() < IOR_STEP {
+            1.0 + IOR_STEP.copysign(glass.ior - 1.0)
+        } else {
+            glass.ior
+        };
+        let roughness = glass.ggx.alpha().sqrt();
+        let mut scale = weight;
+        let mut single = 1.0;
+        if is_multiscatter {
+            single = energy::glass_albedo(ior, roughness, cos_wo);
+            let average = energy::glass_average_albedo(ior, roughness);
+            scale *= compensation(single, average, glass.transmission_tint);
+        }
+        let interface = Self {
+            ggx: glass.ggx,
+            ior,
+            f0: glass.f0,
+            reflection: scale * glass.reflection_tint,
+            transmission: scale * glass.transmission_tint,
+        };
+        let seen = match glass.f0 {
+            Some(f0) => Fresnel::new(Curve::Dielectric { ior }, f0, Vec3A::ONE)
+                .seen_under(roughness, cos_wo),
+            None => Vec3A::ZERO,
+        };
+        let albedos = [
+            seen * interface.reflection * single,
+            (Vec3A::ONE - seen) * interface.transmission * single,
+        ];
+        (interface, albedos)
+    }
+
+    /// Takes up what another one scatters.
+    pub fn add(&mut self, other: &Interface) {
+        self.reflection += other.reflection;
+        self.transmission += other.transmission;
+    }
+
+    /// Leaves out what is reflected or what is refracted.
+    pub fn remove(&mut self, part: Part) {
+        match part {
+            Part::Glossy => self.reflection = Vec3A::ZERO,
+            Part::Transmission => self.transmission = Vec3A::ZERO,
+            Part::Diffuse => {}
+        }
+    }
+
+    /// What a microfacet reflects and what it refracts, under a cosine.
+    fn split(&self, cos: f32) -> [Vec3A; 2] {
+        let share = Curve::Dielectric { ior: self.ior }.at(cos);
+        let reflectance = match self.f0 {
+            Some(f0) => f0 + share * (Vec3A::ONE - f0),
+            // Total reflection takes the light away that this closure only refracts.
+            None if share >= 1.0 => return [Vec3A::ZERO; 2],
+            None => Vec3A::ZERO,
+        };
+        [
+            reflectance * self.reflection,
+            (Vec3A::ONE - reflectance) * self.transmission,
+        ]
+    }
+
+    /// `f cos` [1/sr] and the density of [`Interface::sample`] [1/sr]; `wo` is above z = 0.
+    pub fn eval(&self, wo: Vec3A, wi: Vec3A) -> Option<Scattered> {
+        let is_reflected = wi.z > 0.0;
+        let (half, jacobian) = if is_reflected {
+            ((wo + wi).normalize_or(Vec3A::Z), 0.25)
+        } else {
+            self.refracting_half(wo, wi)?
+        };
+        let split = self.split(wo.dot(half).clamp(0.0, 1.0));
+        let [reflected, refracted] = split.map(Vec3A::element_sum);
+        let total = reflected + refracted;
+        if !(total > 0.0) {
+            return None;
+        }
+        let (part, color, probability) = if is_reflected {
+            (Part::Glossy, split[0], reflected / total)
+        } else {
+            (Part::Transmission, split[1], refracted / total)
+        };
+        let common = self.ggx.distribution(half) / wo.z * jacobian;
+        Some(Scattered {
+            part,
+            value: color * (common * self.ggx.masking_shadowing(wo, wi)),
+            pdf_solid_angle: probability * common * self.ggx.masking(wo),
+        })
+    }
+
+    /// The normal of the microfacets that refract `wi`, which is below z = 0, to `wo`, and the
+    /// density of directions over that of normals times the viewer's cosine (Walter et al. 2007,
+    /// Eq. 16 and 17).
+    ///
+    /// Radiance is counted per basic radiance, that is without the factor that a change of medium
+    /// brings: rays from the camera come back to air before they meet a light.
+    fn refracting_half(&self, wo: Vec3A, wi: Vec3A) -> Option<(Vec3A, f32)> {
+        let sum = wo + self.ior * wi;
+        let length_squared = sum.length_squared();
+        if !(length_squared > 0.0) {
+            return None;
+        }
+        let half = sum / length_squared.sqrt();
+        let half = if half.z < 0.0 { -half } else { half };
+        let (cos_wo, cos_wi) = (wo.dot(half), wi.dot(half));
+        let jacobian = self.ior * self.ior * cos_wo * -cos_wi / length_squared;
+        (cos_wo > 0.0 && cos_wi < 0.0).then_some((half, jacobian))
+    }
+
+    /// A unit direction, reflected or refracted as `u_choice` decides; none where nothing is.
+    pub fn sample(&self, wo: Vec3A, u_choice: f32, u: [f32; 2]) -> Option<Vec3A> {
+        let half = self.ggx.sample_visible_normal(wo, u);
+        let cos = wo.dot(half);
+        let [reflected, refracted] = self.split(cos.clamp(0.0, 1.0)).map(Vec3A::element_sum);
+        let total = reflected + refracted;
+        if !(total > 0.0) {
+            return None;
+        }
+        let is_reflected = u_choice * total < reflected;
+        let wi = if is_reflected {
+            2.0 * cos * half - wo
+        } else {
+            let cos_squared = 1.0 - (1.0 - cos * cos) / (self.ior * self.ior);
+            (cos / self.ior - cos_squared.max(0.0).sqrt()) * half - wo / self.ior
+        };
+        // A microfacet may send light to the wrong side of the surface: there it is lost.
+        (is_reflected == (wi.z > 0.0)).then(|| wi.normalize())
+    }
+}

@@ -1,0 +1,235 @@
+//! Blender's Principled BSDF, version 2 (Blender 4.0 to 5.2), as a stack of closures.
+//!
+//! From above: sheen, coat, then metal, transmission and a dielectric mixed by their weights; the
+//! dielectric lies over diffuse. What a layer reflects towards the viewer is missing below it
+//! (Cycles' albedo scaling). Emission lies below sheen and coat; the caller adds it.
+//!
+//! # Approximations
+//! Subsurface scattering is diffuse reflection of the base colour: light leaves where it entered, so
+//! energy and colour are right where the radius is small against the shape. Thin film is left out;
+//! the add-on names it.
+
+use glam::Vec3A;
+
+use super::fresnel::{Curve, Fresnel, f0_from_ior, ior_from_f0};
+use super::microfacet::Glass;
+use super::{Bsdf, rotated_about};
+use crate::math::Ggx;
+
+/// Principled BSDF after its textures. Names and ranges are those of the node's sockets.
+#[derive(Debug, Clone, Copy)]
+pub struct Principled {
+    /// Base colour.
+    pub base_color: Vec3A,
+    /// Metallic, 0 to 1.
+    pub metallic: f32,
+    /// Blender's roughness, 0 to 1; GGX alpha is its square.
+    pub roughness: f32,
+    /// Roughness of the diffuse layer, 0 to 1.
+    pub diffuse_roughness: f32,
+    /// Index of refraction.
+    pub ior: f32,
+    /// Specular IOR Level: F0 is multiplied by twice this.
+    pub specular_level: f32,
+    /// Colour of the dielectric's reflection at normal incidence, of a metal's at its edge.
+    pub specular_tint: Vec3A,
+    /// Anisotropic, 0 to 1.
+    pub anisotropic: f32,
+    /// Turn of the tangent about the normal, 1 for a full circle.
+    pub anisotropic_rotation: f32,
+    /// Tangent, world space, of any length; not asked for without anisotropy.
+    pub tangent: Vec3A,
+    /// Transmission weight, 0 to 1.
+    pub transmission: f32,
+    /// Subsurface weight, 0 to 1.
+    pub subsurface: f32,
+    /// Coat weight.
+    pub coat: f32,
+    /// Coat roughness.
+    pub coat_roughness: f32,
+    /// Coat index of refraction.
+    pub coat_ior: f32,
+    /// Colour of light that passes the coat straight.
+    pub coat_tint: Vec3A,
+    /// Unit normal of the coat on the viewer's side, world space.
+    pub coat_normal: Vec3A,
+    /// Sheen weight.
+    pub sheen: f32,
+    /// Sheen roughness.
+    pub sheen_roughness: f32,
+    /// Sheen tint.
+    pub sheen_tint: Vec3A,
+    /// Unit shading normal on the viewer's side, world space.
+    pub normal: Vec3A,
+    /// Whether light that bounces between microfacets is kept ("Multiscatter GGX").
+    pub is_multiscatter: bool,
+}
+
+impl Principled {
+    /// The node's defaults, with this normal.
+    pub fn new(normal: Vec3A) -> Self {
+        Self {
+            base_color: Vec3A::splat(0.8),
+            metallic: 0.0,
+            roughness: 0.5,
+            diffuse_roughness: 0.0,
+            ior: 1.5,
+            specular_level: 0.5,
+            specular_tint: Vec3A::ONE,
+            anisotropic: 0.0,
+            anisotropic_rotation: 0.0,
+            tangent: Vec3A::ZERO,
+            transmission: 0.0,
+            subsurface: 0.0,
+            coat: 0.0,
+            coat_roughness: 0.03,
+            coat_ior: 1.5,
+            coat_tint: Vec3A::ONE,
+            coat_normal: normal,
+            sheen: 0.0,
+            sheen_roughness: 0.5,
+            sheen_tint: Vec3A::ONE,
+            normal,
+            is_multiscatter: true,
+        }
+    }
+}
+
+impl Bsdf {
+    /// Adds a Principled BSDF with this weight (its alpha included). Returns the weight of the
+    /// emission, which sheen and coat dim.
+    pub fn add_principled(&mut self, weight: Vec3A, params: &Principled) -> Vec3A {
+        let mut weight = weight;
+        if params.sheen > 0.0 {
+            weight = self.add_principled_sheen(weight, params);
+        }
+        if params.coat > 0.0 {
+            weight = self.add_coat(weight, params);
+        }
+        let below_coat = weight;
+        let metallic = params.metallic.clamp(0.0, 1.0);
+        if metallic > 0.0 {
+            self.add_metal(weight * metallic, params);
+            weight *= 1.0 - metallic;
+        }
+        let transmission = params.transmission.clamp(0.0, 1.0);
+        if transmission > 0.0 {
+            self.add_principled_glass(weight * transmission, params);
+            weight *= 1.0 - transmission;
+        }
+        if weight != Vec3A::ZERO {
+            weight = self.add_dielectric(weight, params);
+            self.add_base(weight, params);
+        }
+        below_coat
+    }
+
+    fn add_principled_sheen(&mut self, weight: Vec3A, params: &Principled) -> Vec3A {
+        let between = params.normal.lerp(params.coat_normal, params.coat.min(1.0));
+        let normal = between.normalize_or(params.normal);
+        let color = params.sheen * params.sheen_tint.max(Vec3A::ZERO);
+        let albedo = self.add_sheen(weight * color, normal, params.sheen_roughness);
+        below(weight, albedo)
+    }
+
+    /// Adds the coat; returns the weight that is left below it.
+    ///
+    /// Its tint holds for light that passes straight; on a slant it acts along the longer way of
+    /// the refracted ray (Beer's law).
+    fn add_coat(&mut self, weight: Vec3A, params: &Principled) -> Vec3A {
+        let ior = params.coat_ior.max(1.0);
+        let normal = self.reflecting_normal(params.coat_normal);
+        let fresnel = Fresnel::new(
+            Curve::Dielectric { ior },
+            Vec3A::splat(f0_from_ior(ior)),
+            Vec3A::ONE,
+        );
+        let view = self.view(normal, None);
+        let ggx = isotropic(params.coat_roughness);
+        let albedo = self.add_reflection(view, weight * params.coat, ggx, fresnel, true);
+        let left = below(weight, albedo);
+        let tint = params.coat_tint.max(Vec3A::ZERO);
+        if tint == Vec3A::ONE {
+            return left;
+        }
+        let cos = self.cos_wo(view).min(1.0);
+        let cos_refracted = (1.0 - (1.0 - cos * cos) / (ior * ior)).max(0.0).sqrt();
+        left * Vec3A::ONE.lerp(tint.powf(1.0 / cos_refracted), params.coat)
+    }
+
+    fn add_metal(&mut self, weight: Vec3A, params: &Principled) {
+        let f0 = params.base_color.clamp(Vec3A::ZERO, Vec3A::ONE);
+        let tint = params.specular_tint.clamp(Vec3A::ZERO, Vec3A::ONE);
+        let (view, ggx) = self.grain(params);
+        let fresnel = Fresnel::metal(f0, tint);
+        self.add_reflection(view, weight, ggx, fresnel, params.is_multiscatter);
+    }
+
+    fn add_principled_glass(&mut self, weight: Vec3A, params: &Principled) {
+        let ior = params.ior.max(1e-5);
+        let f0 = f0_from_ior(ior) * params.specular_tint;
+        let glass = Glass {
+            ggx: isotropic(params.roughness),
+            ior: self.relative_ior(ior),
+            f0: Some(f0.clamp(Vec3A::ZERO, Vec3A::ONE)),
+            reflection_tint: Vec3A::ONE,
+            // Light passes a body through two surfaces: each takes the root of the colour.
+            transmission_tint: params.base_color.clamp(Vec3A::ZERO, Vec3A::ONE).powf(0.5),
+        };
+        self.add_interface(weight, params.normal, &glass, params.is_multiscatter);
+    }
+
+    /// Adds the dielectric layer; returns the weight that is left below it.
+    fn add_dielectric(&mut self, weight: Vec3A, params: &Principled) -> Vec3A {
+        let mut ior = params.ior.max(1e-5);
+        let mut f0 = f0_from_ior(ior);
+        if params.specular_level != 0.5 {
+            f0 *= 2.0 * params.specular_level.max(0.0);
+            let adjusted = ior_from_f0(f0);
+            ior = if ior < 1.0 { 1.0 / adjusted } else { adjusted };
+        }
+        if ior == 1.0 {
+            return weight;
+        }
+        let f0 = (f0 * params.specular_tint).clamp(Vec3A::ZERO, Vec3A::ONE);
+        let fresnel = Fresnel::new(Curve::Dielectric { ior }, f0, Vec3A::ONE);
+        let (view, ggx) = self.grain(params);
+        let albedo = self.add_reflection(view, weight, ggx, fresnel, params.is_multiscatter);
+        below(weight, albedo)
+    }
+
+    fn add_base(&mut self, weight: Vec3A, params: &Principled) {
+        let color = params.base_color.max(Vec3A::ZERO);
+        let subsurface = params.subsurface.clamp(0.0, 1.0);
+        if subsurface > 0.0 {
+            let scattered = color.min(Vec3A::ONE);
+            self.add_diffuse(weight * subsurface, scattered, params.normal, 0.0);
+        }
+        let rest = weight * (1.0 - subsurface);
+        self.add_diffuse(rest, color, params.normal, params.diffuse_roughness);
+    }
+
+    /// The basis and the microfacets of metal and dielectric.
+    fn grain(&mut self, params: &Principled) -> (u8, Ggx) {
+        let normal = self.reflecting_normal(params.normal);
+        let alpha = super::alpha(params.roughness);
+        let anisotropic = params.anisotropic.clamp(0.0, 1.0);
+        if anisotropic == 0.0 {
+            return (self.view(normal, None), Ggx::isotropic(alpha));
+        }
+        let aspect = (1.0 - 0.9 * anisotropic).sqrt();
+        let tangent = rotated_about(normal, params.tangent, params.anisotropic_rotation);
+        let ggx = Ggx::new((alpha / aspect).min(1.0), alpha * aspect);
+        (self.view(normal, Some(tangent)), ggx)
+    }
+}
+
+fn isotropic(roughness: f32) -> Ggx {
+    Ggx::isotropic(super::alpha(roughness))
+}
+
+/// The weight that is left below a layer of this albedo.
+fn below(weight: Vec3A, albedo: Vec3A) -> Vec3A {
+    let share = Vec3A::select(weight.cmpgt(Vec3A::ZERO), albedo / weight, Vec3A::ZERO);
+    weight * (1.0 - share.max_element()).clamp(0.0, 1.0)
+}
