@@ -165,8 +165,8 @@ mod tests {
     use crate::contract::{Given, Numbers};
     use crate::kernel::TriangleBvh;
     use crate::math::statistics::Random;
-    use crate::scene::{Camera, World};
-    use glam::{EulerRot, Mat3A, Mat4, Quat, Vec3};
+    use crate::scene::World;
+    use glam::{EulerRot, Mat3A, Quat, Vec3};
     use std::sync::Arc;
 
     fn point(random: &mut Random) -> Vec3 {
@@ -234,8 +234,6 @@ mod tests {
                 Affine3A::from_scale_rotation_translation(scale, turn, at),
             )
         });
-        let mut projection = Mat4::IDENTITY;
-        (projection.z_axis.w, projection.w_axis.w) = (-1.0, 0.0);
         SceneFrame {
             frame: 1,
             instances: instances.collect(),
@@ -243,7 +241,7 @@ mod tests {
             materials: vec![],
             images: vec![],
             lights: vec![],
-            camera: Camera::new(Affine3A::IDENTITY, projection, [0.1, 100.0]).unwrap(),
+            camera: crate::testing::camera(Vec3::ZERO, Vec3::Y, 1.0),
             world: World {
                 radiance: Vec3A::ZERO,
                 image: None,

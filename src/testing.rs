@@ -10,8 +10,8 @@ use crate::film::Region;
 use crate::progress::Progress;
 use crate::render::{Job, Rendered, render};
 use crate::scene::{
-    Camera, Closure, ClosureKind, Extension, Image, Instance, Interpolation, Light, Material, Mesh,
-    SceneFrame, World,
+    Camera, Closure, ClosureKind, Extension, Image, Instance, Interpolation, Lens, Light, Material,
+    Mesh, Projection, SceneFrame, World,
 };
 
 /// A scene under construction; see [`Scene::frame`].
@@ -94,6 +94,24 @@ pub(crate) fn image_world(
 
 /// A camera with a square view of `angle` [rad].
 pub(crate) fn camera(position: Vec3, target: Vec3, angle: f32) -> Camera {
+    let scale = 1.0 / (0.5 * angle).tan();
+    let projection = Mat4::from_cols_array_2d(&[
+        [scale, 0.0, 0.0, 0.0],
+        [0.0, scale, 0.0, 0.0],
+        [0.0, 0.0, -1.0, -1.0],
+        [0.0, 0.0, -0.02, 0.0],
+    ]);
+    let projection = Projection::from_matrix(projection).unwrap();
+    any_camera(position, target, projection, Lens::PINHOLE)
+}
+
+/// A camera of any kind.
+pub(crate) fn any_camera(
+    position: Vec3,
+    target: Vec3,
+    projection: Projection,
+    lens: Lens,
+) -> Camera {
     let forward = (target - position).normalize();
     let up = if forward.z.abs() > 0.99 {
         Vec3::Y
@@ -103,14 +121,7 @@ pub(crate) fn camera(position: Vec3, target: Vec3, angle: f32) -> Camera {
     let right = forward.cross(up).normalize();
     let axes = Mat3::from_cols(right, right.cross(forward), -forward);
     let placement = Affine3A::from_mat3_translation(axes, position);
-    let scale = 1.0 / (0.5 * angle).tan();
-    let projection = Mat4::from_cols_array_2d(&[
-        [scale, 0.0, 0.0, 0.0],
-        [0.0, scale, 0.0, 0.0],
-        [0.0, 0.0, -1.0, -1.0],
-        [0.0, 0.0, -0.02, 0.0],
-    ]);
-    Camera::new(placement, projection, [0.01, 1000.0]).unwrap()
+    Camera::new(placement, projection, lens, [0.01, 1000.0]).unwrap()
 }
 
 /// A Lambertian material.

@@ -55,6 +55,18 @@ pub struct Shot {
     pub radiance: Vec3A,
 }
 
+impl Shot {
+    /// Of a pixel outside of a fisheye's picture.
+    fn outside(sampler: Sampler) -> Self {
+        Self {
+            sampler,
+            surface: None,
+            seen: Sighting::NOTHING,
+            radiance: Vec3A::ZERO,
+        }
+    }
+}
+
 impl View<'_> {
     /// # Errors
     /// [`Error::Cancelled`] once the user wants to stop.
@@ -75,8 +87,12 @@ impl View<'_> {
             pixel_index,
             iteration,
         );
-        let offset = Vec2::from_array(sampler.camera().pixel.map(|u| self.filter.sample(u)));
-        let ray = tracer.frame.camera.ray(self.region.film(x, y, offset));
+        let numbers = sampler.camera();
+        let offset = Vec2::from_array(numbers.pixel.map(|u| self.filter.sample(u)));
+        let film = self.region.film(x, y, offset);
+        let Some(ray) = tracer.frame.camera.ray(film, numbers.lens) else {
+            return Shot::outside(sampler);
+        };
         let surface = tracer.arrive(&ray, 0, &sampler);
         let distance = surface.as_ref().map_or(ray.t_max, |s| s.distance);
         // Lamps hide nothing: they shine through each other and in front of what is behind.

@@ -315,7 +315,7 @@ struct Receiver<'a> {
 impl<'a> Receiver<'a> {
     fn new(view: &'a View, surface: &'a Surface, sampler: &'a Sampler, paper: &'a Paper) -> Self {
         let camera = &view.tracer.frame.camera;
-        let wo = (camera.position() - surface.position).normalize_or_zero();
+        let wo = camera.direction_from(surface.position);
         let cosine = surface.geometric_normal.dot(wo).max(VIEW_COSINE);
         let depth = camera.depth(surface.position);
         let pixel_size = camera.pixel_size(depth, view.region.frame_width) / cosine;

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use glam::{Affine3A, Vec3, Vec3A};
+use glam::{Affine3A, Mat4, Vec2, Vec3, Vec3A};
 
 use super::*;
 use crate::contract::{Filter, Recheck};
-use crate::scene::{Light, LightKind, SceneFrame};
+use crate::scene::{Camera, Lens, Light, LightKind, Panorama, Projection, SceneFrame};
 use crate::testing::{
-    Scene, Shoot, camera, cube, diffuse, glossy, glowing, plain_world, sphere, square,
+    Scene, Shoot, any_camera, camera, cube, diffuse, glossy, glowing, plain_world, sphere, square,
 };
 
 const METHODS: [Method; 3] = [Method::Path, Method::DualCone, Method::Paper];
@@ -38,10 +38,22 @@ fn shoot<'a>(frames: &'a [Arc<SceneFrame>], settings: Settings) -> Shoot<'a> {
 
 /// A cube and a ball on a floor under a sun and a sky; the ball rolls, the cube stays.
 fn yard(frame: i32) -> Arc<SceneFrame> {
+    let [at, target] = yard_view(frame);
+    yard_seen_by(frame, camera(at, target, 0.7))
+}
+
+/// Where the yard's camera is and what it looks at.
+fn yard_view(frame: i32) -> [Vec3; 2] {
+    [
+        Vec3::new(0.1 * frame as f32, -5.0, 3.0),
+        Vec3::new(0.0, 0.0, 0.5),
+    ]
+}
+
+fn yard_seen_by(frame: i32, camera: Camera) -> Arc<SceneFrame> {
     let mut scene = Scene::new();
     scene.world = plain_world(0.4);
-    let at = Vec3::new(0.1 * frame as f32, -5.0, 3.0);
-    scene.camera = camera(at, Vec3::new(0.0, 0.0, 0.5), 0.7);
+    scene.camera = camera;
     let floor = Affine3A::from_scale(Vec3::splat(8.0));
     scene.add(square(), floor, diffuse(0.6));
     let cube_place = Affine3A::from_translation(Vec3::new(-1.2, 0.0, 0.7));
@@ -159,6 +171,78 @@ fn sharing_keeps_the_energy_of_path_tracing() {
                 ..settings(method)
             };
             shoot(frames, settings).mean_of(1, SEEDS)
+        };
+        let bias = run(Method::DualCone).against(run(Method::Path));
+        assert!(
+            bias.mean.abs() < 0.01 + MAX_SCORE * bias.error,
+            "{name}: {bias:?}"
+        );
+        assert!(bias.error < 0.01, "{name}: {bias:?}");
+    }
+}
+
+/// Yards seen by a lens with a wide aperture, along an axis, and all around.
+fn yards_by_other_cameras() -> Vec<(&'static str, Vec<Arc<SceneFrame>>)> {
+    let wide = Lens {
+        radius: 0.3,
+        focus_distance: 4.0,
+        blades: 5,
+        ..Lens::PINHOLE
+    };
+    let scale = 0.4;
+    let along = Mat4::from_cols_array_2d(&[
+        [scale, 0.0, 0.0, 0.0],
+        [0.0, scale, 0.0, 0.0],
+        [0.0, 0.0, -0.02, 0.0],
+        [0.0, 0.0, -1.0, 1.0],
+    ]);
+    let perspective = Mat4::from_cols_array_2d(&[
+        [2.7, 0.0, 0.0, 0.0],
+        [0.0, 2.7, 0.0, 0.0],
+        [0.0, 0.0, -1.0, -1.0],
+        [0.0, 0.0, -0.02, 0.0],
+    ]);
+    let around = Panorama::FisheyeEquidistant { field_of_view: 3.0 };
+    let cameras = [
+        (
+            "aperture",
+            Projection::from_matrix(perspective).unwrap(),
+            wide,
+        ),
+        (
+            "axis",
+            Projection::from_matrix(along).unwrap(),
+            Lens::PINHOLE,
+        ),
+        (
+            "fisheye",
+            Projection::Panorama(around, Vec2::ZERO),
+            Lens::PINHOLE,
+        ),
+    ];
+    let frames = |projection, lens| {
+        let frame = |number| {
+            let [at, target] = yard_view(number);
+            yard_seen_by(number, any_camera(at, target, projection, lens))
+        };
+        (0..=2).map(frame).collect()
+    };
+    cameras
+        .map(|(name, projection, lens)| (name, frames(projection, lens)))
+        .into()
+}
+
+/// Blocks are placed through the middle of the aperture and with the size of a sharp pixel: where
+/// neighbours lie apart fewer lend, and the energy stays.
+#[test]
+fn sharing_keeps_the_energy_behind_every_camera() {
+    for (name, frames) in yards_by_other_cameras() {
+        let run = |method| {
+            let settings = Settings {
+                samples: 16,
+                ..settings(method)
+            };
+            shoot(&frames, settings).mean_of(1, SEEDS)
         };
         let bias = run(Method::DualCone).against(run(Method::Path));
         assert!(

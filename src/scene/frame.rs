@@ -4,7 +4,10 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A};
 
-use super::{Camera, Closure, ClosureKind, Image, Light, LightKind, Material, Mesh, World};
+use super::{
+    Camera, Closure, ClosureKind, Image, Lens, Light, LightKind, Material, Mesh, Panorama,
+    Projection, World,
+};
 use crate::contract::{Arrays, FRAME, Given};
 use crate::error::{Error, Result};
 
@@ -302,11 +305,67 @@ fn camera(arrays: &Arrays) -> Result<Camera> {
     let mut rows = [0.0; 16];
     rows.copy_from_slice(arrays.f32s("clip_from_camera"));
     let clip = arrays.f32s("camera_clip");
+    let projection = match panorama(arrays)? {
+        Some((panorama, shift)) => Projection::Panorama(panorama, shift),
+        None => Projection::from_matrix(Mat4::from_cols_array(&rows).transpose())?,
+    };
+    let aperture = arrays.f32s("camera_lens");
+    let lens = Lens {
+        radius: aperture[0],
+        focus_distance: aperture[1],
+        blades: aperture[2].max(0.0) as u32,
+        rotation: aperture[3],
+        ratio: aperture[4],
+    };
     Camera::new(
         affine(arrays.f32s("world_from_camera"), 0),
-        Mat4::from_cols_array(&rows).transpose(),
+        projection,
+        lens,
         [clip[0], clip[1]],
     )
+}
+
+/// The map of a panoramic camera and its shift; none where the projection matrix says it all.
+fn panorama(arrays: &Arrays) -> Result<Option<(Panorama, Vec2)>> {
+    let mut given = [0.0; 10];
+    given.copy_from_slice(arrays.f32s("camera_panorama"));
+    let [shift_x, shift_y, p @ ..] = given;
+    let panorama = match arrays.u32s("camera_kind")[0] {
+        0 => return Ok(None),
+        1 => Panorama::Equirectangular {
+            longitude: [p[0], p[1]],
+            latitude: [p[2], p[3]],
+        },
+        2 => Panorama::FisheyeEquidistant {
+            field_of_view: p[0],
+        },
+        3 => Panorama::FisheyeEquisolid {
+            field_of_view: p[0],
+            focal_length: p[1],
+            sensor: Vec2::new(p[2], p[3]),
+        },
+        4 => Panorama::FisheyePolynomial {
+            field_of_view: p[0],
+            sensor: Vec2::new(p[1], p[2]),
+            coefficients: [p[3], p[4], p[5], p[6], p[7]],
+        },
+        5 => Panorama::MirrorBall,
+        6 => Panorama::CubeFace,
+        7 => Panorama::Cylinder {
+            longitude: [p[0], p[1]],
+            height: [p[2], p[3]],
+        },
+        index => {
+            return Err(Error::Index {
+                field: "camera_kind",
+                row: 0,
+                index: index.into(),
+                len: 8,
+                of: "kinds of camera",
+            });
+        }
+    };
+    Ok(Some((panorama, Vec2::new(shift_x, shift_y))))
 }
 
 fn world(arrays: &Arrays, images: &[Arc<Image>]) -> Result<World> {

@@ -10,7 +10,7 @@ mod mesh;
 mod window;
 pub mod world;
 
-pub use camera::Camera;
+pub use camera::{Camera, Lens, Panorama, Projection};
 pub use frame::{Instance, SceneFrame, interpolate};
 pub use image::{Extension, Image, Interpolation};
 pub use light::{Light, LightKind};

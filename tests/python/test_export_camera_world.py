@@ -30,6 +30,8 @@ def empty_scene() -> None:
         ({"shift_x": 0.3, "shift_y": -0.2, "lens": 20}, (32, 24), (1, 1)),
         ({"sensor_width": 20, "clip_start": 0.5, "clip_end": 20}, (32, 24), (1.5, 1)),
         ({"lens_unit": "FOV", "angle": 1.0}, (32, 32), (1, 2)),
+        ({"type": "ORTHO", "ortho_scale": 7.0}, (32, 24), (1, 1)),
+        ({"type": "ORTHO", "ortho_scale": 3.0, "shift_x": 0.2}, (24, 32), (1, 1.5)),
     ],
 )
 def test_projection_is_blenders(
@@ -58,11 +60,70 @@ def test_a_scene_without_camera_says_what_to_do() -> None:
         export_now()
 
 
-@pytest.mark.parametrize("kind", ["ORTHO", "PANO"])
-def test_other_projections_are_refused_by_name(kind: str) -> None:
-    add_camera(type=kind)
-    with pytest.raises(export.ExportError, match=r"'Camera' is of type .* only perspective"):
-        export_now()
+def panoramic(kind: str, **settings: Any) -> Any:
+    """A camera with a panorama; its settings belonged to Cycles until Blender 5.0."""
+    camera = add_camera(type="PANO")
+    holder = camera.data if hasattr(camera.data, "panorama_type") else camera.data.cycles
+    holder.panorama_type = kind
+    for name, value in settings.items():
+        setattr(holder, name, value)
+    return camera
+
+
+def test_a_panorama_is_given_by_its_angles_and_its_shift() -> None:
+    angles = {"longitude_min": -1, "longitude_max": 2, "latitude_min": -0.5, "latitude_max": 1}
+    camera = panoramic("EQUIRECTANGULAR", **angles)
+    camera.data.shift_x, camera.data.shift_y = 0.1, -0.2
+    arrays = export_now().arrays
+    assert arrays["camera_kind"] == 1
+    assert np.allclose(arrays["camera_panorama"], [0.1, -0.2, -1, 2, -0.5, 1, 0, 0, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("fit", "resolution", "sensor"),
+    [
+        ("AUTO", (40, 20), (36, 18)),
+        ("AUTO", (20, 40), (18, 36)),
+        ("HORIZONTAL", (20, 40), (36, 72)),
+        ("VERTICAL", (40, 20), (48, 24)),
+    ],
+)
+def test_a_fisheye_fills_the_sensor_as_blender_fits_it(
+    fit: str, resolution: tuple[int, int], sensor: tuple[float, float]
+) -> None:
+    camera = panoramic("FISHEYE_EQUISOLID", fisheye_fov=3.0, fisheye_lens=12.0)
+    data = camera.data
+    data.sensor_fit, data.sensor_width, data.sensor_height = fit, 36.0, 24.0
+    arrays = export_now(resolution=resolution).arrays
+    assert arrays["camera_kind"] == 3
+    assert np.allclose(arrays["camera_panorama"][:6], [0, 0, 3.0, 12.0, *sensor])
+
+
+def test_every_panorama_has_its_kind() -> None:
+    kinds = {"FISHEYE_EQUIDISTANT": 2, "FISHEYE_LENS_POLYNOMIAL": 4, "MIRRORBALL": 5}
+    for name, kind in kinds.items():
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        panoramic(name)
+        assert export_now().arrays["camera_kind"] == kind
+
+
+def test_depth_of_field_is_the_aperture_and_what_is_in_focus() -> None:
+    camera = add_camera(lens=50.0)
+    camera.location, camera.rotation_euler, camera.scale = (1, 2, 3), (0.3, 0.2, 0.1), (2, 2, 2)
+    assert export_now().arrays["camera_lens"][0] == 0.0
+    dof = camera.data.dof
+    dof.use_dof, dof.aperture_fstop, dof.focus_distance = True, 2.0, 4.0
+    dof.aperture_blades, dof.aperture_rotation, dof.aperture_ratio = 6, 0.5, 2.0
+    assert np.allclose(export_now().arrays["camera_lens"], [0.0125, 4.0, 6, 0.5, 2.0])
+    # An object in focus counts by its distance along the axis, not by its own.
+    bpy.context.view_layer.update()
+    axes = camera.matrix_world.to_3x3().normalized()
+    empty = add_object("Focus", None)
+    empty.location = camera.location + axes @ Vector((3.0, -2.0, -7.0))
+    dof.focus_object = empty
+    assert np.isclose(export_now().arrays["camera_lens"][1], 7.0)
+    camera.data.type = "ORTHO"
+    assert np.isclose(export_now().arrays["camera_lens"][0], 0.25)
 
 
 def test_a_picture_without_pixels_is_refused() -> None:
@@ -78,11 +139,10 @@ def test_a_camera_without_size_is_refused_by_name() -> None:
 
 
 def test_what_the_camera_does_beyond_is_named() -> None:
-    add_camera().data.dof.use_dof = True
+    add_camera()
     scene().render.use_motion_blur = True
     scene().render.use_multiview = True
     assert export_now().warnings == [
-        "'Camera': Depth of field is not rendered yet",
         "'Scene': Motion blur is not rendered yet",
         "'Scene': Stereoscopy is not rendered yet",
     ]

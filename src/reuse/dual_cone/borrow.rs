@@ -137,7 +137,7 @@ impl Borrow<'_> {
         let memory = &self.memories[self.target];
         let camera = &view.tracer.frame.camera;
         let position = vector(column::POSITION);
-        let wo = (camera.position() - position).normalize_or_zero();
+        let wo = camera.direction_from(position);
         let cosine = geometric_normal.dot(wo).abs().max(VIEW_COSINE);
         let pixel_size =
             camera.pixel_size(camera.depth(position), view.region.frame_width) / cosine;

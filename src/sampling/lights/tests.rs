@@ -1,11 +1,11 @@
 use std::f32::consts::PI;
 
-use glam::{Affine3A, EulerRot, Mat3A, Mat4, Quat, Vec2, Vec3};
+use glam::{Affine3A, EulerRot, Mat3A, Quat, Vec2, Vec3};
 
 use super::*;
 use crate::contract::{Given, Numbers};
 use crate::math::statistics::{DirectionTest, MAX_SCORE, Random, chi_square_score};
-use crate::scene::{Camera, Closure, ClosureKind, Instance, Material, Mesh};
+use crate::scene::{Closure, ClosureKind, Instance, Material, Mesh};
 
 fn plain_world(radiance: f32) -> World {
     World {
@@ -16,8 +16,6 @@ fn plain_world(radiance: f32) -> World {
 }
 
 fn frame_of(lights: Vec<Light>, world: World) -> SceneFrame {
-    let mut projection = Mat4::IDENTITY;
-    (projection.z_axis.w, projection.w_axis.w) = (-1.0, 0.0);
     SceneFrame {
         frame: 1,
         meshes: vec![],
@@ -25,7 +23,7 @@ fn frame_of(lights: Vec<Light>, world: World) -> SceneFrame {
         materials: vec![],
         images: vec![],
         lights,
-        camera: Camera::new(Affine3A::IDENTITY, projection, [0.1, 100.0]).unwrap(),
+        camera: crate::testing::camera(Vec3::ZERO, Vec3::Y, 1.0),
         world,
     }
 }
