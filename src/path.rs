@@ -345,11 +345,12 @@ impl<'a> Tracer<'a> {
             return LobeValues::default();
         }
         let own = pdfs(&surface.bsdf, own);
+        let radiance = self.lights.radiance(light);
         LobeValues {
-            lambert: weighted(light, values.lambert, own.lambert),
-            diffuse: weighted(light, values.diffuse, own.own),
-            glossy: weighted(light, values.glossy, own.own),
-            transmission: weighted(light, values.transmission, own.own),
+            lambert: values.lambert * radiance * weight(light, own.lambert),
+            diffuse: values.diffuse * radiance * weight(light, own.own),
+            glossy: values.glossy * radiance * weight(light, own.own),
+            transmission: values.transmission * radiance * weight(light, own.own),
         }
     }
 
@@ -366,14 +367,15 @@ impl<'a> Tracer<'a> {
     }
 }
 
-/// Reflected light of a light sample, given the density with which surface sampling finds it.
-fn weighted(light: &LightSample, value: Vec3A, own_pdf: f32) -> Vec3A {
+/// Weight of a light sample over its density, given the density with which surface sampling finds
+/// it.
+fn weight(light: &LightSample, own_pdf: f32) -> f32 {
     let weight = if light.is_delta {
         1.0
     } else {
         balance(light.pdf_solid_angle, own_pdf)
     };
-    value * light.radiance * (weight / light.pdf_solid_angle)
+    weight / light.pdf_solid_angle
 }
 
 /// How lights are sampled at a vertex of the path. The first one makes most of the noise.

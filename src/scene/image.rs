@@ -106,6 +106,10 @@ impl Image {
                 let at = uv * size - 0.5;
                 let (low, part) = (at.floor(), at - at.floor());
                 let (x, y) = (low.x as i64, low.y as i64);
+                if let Some([bottom, top]) = self.inside(x, y) {
+                    let along = |[left, right]: [Vec4; 2]| left.lerp(right, part.x);
+                    return along(bottom).lerp(along(top), part.y);
+                }
                 let bottom = self.extended(x, y).lerp(self.extended(x + 1, y), part.x);
                 let top = self
                     .extended(x, y + 1)
@@ -113,6 +117,21 @@ impl Image {
                 bottom.lerp(top, part.y)
             }
         }
+    }
+
+    /// The four texels from (x, y) on, row by row, where all of them lie inside: nearly always.
+    #[inline]
+    fn inside(&self, x: i64, y: i64) -> Option<[[Vec4; 2]; 2]> {
+        let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
+        if x + 1 >= self.width || y + 1 >= self.height {
+            return None;
+        }
+        let start = y * self.width + x;
+        let row = |start: usize| {
+            let pair = self.texels.get(start..)?.first_chunk::<2>()?;
+            Some(pair.map(Vec4::from))
+        };
+        Some([row(start)?, row(start + self.width)?])
     }
 
     fn extended(&self, x: i64, y: i64) -> Vec4 {

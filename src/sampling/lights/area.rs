@@ -111,7 +111,7 @@ impl Emitter for Area {
         (direction.dot(self.normal) < 0.0).then(|| LightSample {
             direction,
             distance,
-            radiance: self.radiance(),
+            radiance: Some(self.radiance()),
             pdf_solid_angle: self.pdf(direction, distance),
             is_delta: false,
             class: LightClass::Local,

@@ -50,6 +50,8 @@ struct SunTable {
     choice: Discrete,
     /// Towards the middle of its light.
     direction: Vec3A,
+    /// Cosine of a cone around `direction` that holds all cells: most directions need no search.
+    least_cosine: f32,
     /// Luminance times solid angle: what a facing plane receives.
     irradiance: f32,
 }
@@ -153,14 +155,13 @@ impl SunTable {
         let irradiance: f32 = cells.iter().map(energy).sum();
         let toward = |cell: &u32| energy(cell) * grid.direction(*cell as usize, [0.5, 0.5]);
         (f64::from(irradiance) > f64::from(SUN_SHARE) * total).then_some(())?;
+        let direction = cells.iter().map(toward).sum::<Vec3A>();
+        let direction = direction.normalize_or(Vec3A::Z);
         Some(Self {
             grid: *grid,
             choice: Discrete::new(cells.iter().map(energy))?,
-            direction: cells
-                .iter()
-                .map(toward)
-                .sum::<Vec3A>()
-                .normalize_or(Vec3A::Z),
+            direction,
+            least_cosine: least_cosine(*grid, &cells, direction),
             irradiance,
             cells,
         })
@@ -174,12 +175,26 @@ impl SunTable {
     }
 
     fn pdf(&self, direction: Vec3A) -> f32 {
+        if direction.dot(self.direction) < self.least_cosine {
+            return 0.0;
+        }
         let cell = self.grid.cell(direction);
         let found = self.cells.binary_search(&(cell as u32));
         found.map_or(0.0, |index| {
             self.choice.pmf(index) / self.grid.solid_angle(cell / self.grid.width)
         })
     }
+}
+
+/// Cosine of a cone around `direction` that holds these cells.
+fn least_cosine(grid: Grid, cells: &[u32], direction: Vec3A) -> f32 {
+    let middle = |cell: &u32| grid.direction(*cell as usize, [0.5, 0.5]);
+    let cosines = cells.iter().map(|cell| middle(cell).dot(direction));
+    let farthest = cosines.fold(1.0, f32::min).max(-1.0).acos();
+    // No point of a cell is farther from its middle than a cell is high and wide.
+    (farthest + PI / grid.height as f32 + PI / grid.width as f32)
+        .min(PI)
+        .cos()
 }
 
 /// The cells that hang together with `start` and are bright, and a rim of one cell, which takes up
@@ -272,7 +287,6 @@ impl Mapping {
 /// The surroundings without their sun.
 #[derive(Debug)]
 pub(super) struct Sky {
-    world: World,
     mean: f32,
     /// `None` for a plain sky, which is drawn by the cosine.
     image: Option<(Arc<ImageTables>, Mapping)>,
@@ -281,7 +295,6 @@ pub(super) struct Sky {
 /// The sun of an image.
 #[derive(Debug)]
 pub(super) struct ImageSun {
-    world: World,
     tables: Arc<ImageTables>,
     mapping: Mapping,
     direction: Vec3A,
@@ -301,7 +314,6 @@ pub(super) fn lights_of(
     let mapped = Mapping::new(world.environment_from_world).zip(world.image.as_ref());
     let Some((mapping, image)) = mapped else {
         let plain = Sky {
-            world: world.clone(),
             mean: factor,
             image: None,
         };
@@ -310,12 +322,10 @@ pub(super) fn lights_of(
     let same = previous.filter(|tables| Arc::ptr_eq(&tables.image, image));
     let tables = same.map_or_else(|| Arc::new(ImageTables::new(image)), Arc::clone);
     let sky = tables.sky.is_some().then(|| Sky {
-        world: world.clone(),
         mean: factor * tables.sky_mean,
         image: Some((tables.clone(), mapping)),
     });
     let sun = tables.sun.as_ref().map(|sun| ImageSun {
-        world: world.clone(),
         tables: tables.clone(),
         mapping,
         direction: mapping.world(sun.direction),
@@ -324,11 +334,11 @@ pub(super) fn lights_of(
     (sky, sun, Some(tables))
 }
 
-fn distant(world: &World, direction: Vec3A, pdf: f32, class: LightClass) -> Option<LightSample> {
+fn distant(direction: Vec3A, pdf: f32, class: LightClass) -> Option<LightSample> {
     (pdf > 0.0 && pdf.is_finite()).then(|| LightSample {
         direction,
         distance: f32::INFINITY,
-        radiance: world.radiance(direction),
+        radiance: None,
         pdf_solid_angle: pdf,
         is_delta: false,
         class,
@@ -349,12 +359,12 @@ impl Emitter for Sky {
             let local = sample_cosine_hemisphere(u);
             let direction = Frame::from_normal(receiver.normal).to_world(local);
             let pdf = pdf_cosine_hemisphere(local.z);
-            return distant(&self.world, direction, pdf, LightClass::Sky);
+            return distant(direction, pdf, LightClass::Sky);
         };
         let (direction, pdf) = tables.sky.as_ref()?.sample(u);
         let direction = mapping.world(direction);
         let pdf = pdf * mapping.environment(direction).1;
-        distant(&self.world, direction, pdf, LightClass::Sky)
+        distant(direction, pdf, LightClass::Sky)
     }
 
     fn pdf_of_direction(&self, receiver: &Receiver, direction: Vec3A) -> f32 {
@@ -385,7 +395,7 @@ impl Emitter for ImageSun {
         let (direction, pdf) = self.tables.sun.as_ref()?.sample(u_choice, u);
         let direction = self.mapping.world(direction);
         let pdf = pdf * self.mapping.environment(direction).1;
-        distant(&self.world, direction, pdf, LightClass::Sun)
+        distant(direction, pdf, LightClass::Sun)
     }
 
     fn is_sun(&self, direction: Vec3A) -> bool {

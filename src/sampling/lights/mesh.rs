@@ -193,7 +193,7 @@ impl Emitter for MeshLight {
         (pdf_solid_angle > 0.0 && distance > 0.0).then(|| LightSample {
             direction: offset / distance,
             distance,
-            radiance,
+            radiance: Some(radiance),
             pdf_solid_angle,
             is_delta: false,
             class: LightClass::Local,

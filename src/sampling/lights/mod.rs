@@ -68,7 +68,9 @@ pub struct LightSample {
     pub distance: f32,
     /// Radiance that arrives unless something is in between; for a light without extent, the
     /// irradiance on a facing plane, so that `f cos radiance / pdf_solid_angle` holds for both.
-    pub radiance: Vec3A,
+    /// `None` for the surroundings: [`LightSampler::radiance`] looks their image up once a shadow
+    /// ray has got through.
+    pub radiance: Option<Vec3A>,
     /// Density [1/sr], the probability of choosing the light included; for a light without extent
     /// that probability alone.
     pub pdf_solid_angle: f32,
@@ -237,6 +239,13 @@ impl LightSampler {
         let mut sample = self.lights[index].sample(receiver, u_choice, u)?;
         sample.pdf_solid_angle *= pmf;
         Some(sample)
+    }
+
+    /// [`LightSample::radiance`], looked up.
+    pub fn radiance(&self, sample: &LightSample) -> Vec3A {
+        sample
+            .radiance
+            .unwrap_or_else(|| self.world.radiance(sample.direction))
     }
 
     /// Radiance of the surroundings, their sun included, lamps not.

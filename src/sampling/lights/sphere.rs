@@ -233,7 +233,7 @@ impl Emitter for Sphere {
         (useful && pdf_solid_angle > 0.0).then_some(LightSample {
             direction,
             distance,
-            radiance,
+            radiance: Some(radiance),
             pdf_solid_angle,
             is_delta,
             class: LightClass::Local,

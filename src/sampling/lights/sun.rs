@@ -69,7 +69,7 @@ impl Emitter for Sun {
         Some(LightSample {
             direction,
             distance: f32::INFINITY,
-            radiance,
+            radiance: Some(radiance),
             pdf_solid_angle,
             is_delta: self.one_minus_cos.is_none(),
             class: LightClass::Sun,

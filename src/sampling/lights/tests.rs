@@ -150,7 +150,7 @@ fn irradiance(
         let drawn = lights.sample(point, normal, strategy, &numbers, || random.next_2d());
         let value = |light: LightSample| {
             let cos = light.direction.dot(normal).max(0.0);
-            f64::from(light.radiance.y * cos / light.pdf_solid_angle)
+            f64::from(lights.radiance(&light).y * cos / light.pdf_solid_angle)
         };
         let value: f64 = drawn.into_iter().flatten().map(value).sum();
         sum += value;
@@ -497,7 +497,7 @@ fn extreme_receivers_stay_finite() {
                 let point = Vec3A::new(0.0, 0.0, height);
                 let normal = crate::math::warp::sample_sphere(random.next_2d());
                 if let Some(light) = draw(&lights, point, normal, &mut random) {
-                    let value = light.radiance / light.pdf_solid_angle;
+                    let value = lights.radiance(&light) / light.pdf_solid_angle;
                     assert!(value.is_finite(), "{kind:?} {height}: {light:?}");
                     assert!(light.direction.is_normalized() && light.distance > 0.0);
                 }
