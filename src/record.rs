@@ -4,38 +4,31 @@
 //! pixels is a few short runs of memory and eight neighbours load at once: the layout decides
 //! whether borrowing pays (docs/method.md). What the columns mean is the estimator's affair.
 
+use rayon::prelude::*;
+
 /// Pixels of padding on each side of a row: half the largest block, and a vector beyond it.
 pub const PADDING: usize = 16;
 
-/// Columns of floats for each pixel of a frame.
-pub struct RecordBuffer {
+/// Columns of numbers for each pixel of a frame.
+pub struct RecordBuffer<T = f32> {
     columns: usize,
     stride: usize,
-    data: Vec<f32>,
+    data: Vec<T>,
 }
 
-impl RecordBuffer {
+impl<T: Copy + Default + Send + Sync> RecordBuffer<T> {
     /// Zeros for `width` x `height` pixels.
     pub fn new(columns: usize, width: usize, height: usize) -> Self {
         let stride = width + 2 * PADDING;
         Self {
             columns,
             stride,
-            data: vec![0.0; columns * stride * height],
+            data: vec![T::default(); columns * stride * height],
         }
     }
 
-    /// The rows, from the lowest.
-    pub fn rows(&self) -> impl ExactSizeIterator<Item = Row<'_>> {
-        let rows = self.data.chunks_exact(self.columns * self.stride);
-        rows.map(|data| Row {
-            data,
-            stride: self.stride,
-        })
-    }
-
     /// The row number `y`.
-    pub fn row(&self, y: usize) -> Row<'_> {
+    pub fn row(&self, y: usize) -> Row<'_, T> {
         let length = self.columns * self.stride;
         Row {
             data: &self.data[y * length..(y + 1) * length],
@@ -43,63 +36,52 @@ impl RecordBuffer {
         }
     }
 
-    /// Floats of one row, for parallel writers; hand each chunk to [`RowMut::new`].
-    pub fn row_length(&self) -> usize {
-        self.columns * self.stride
-    }
-
-    /// All rows as one run of floats.
-    pub fn data_mut(&mut self) -> &mut [f32] {
-        &mut self.data
+    /// The rows, from the lowest, for writers that work at the same time.
+    pub fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = RowMut<'_, T>> {
+        let stride = self.stride;
+        let rows = self.data.par_chunks_exact_mut(self.columns * stride);
+        rows.map(move |data| RowMut { data, stride })
     }
 
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
-        self.data.len() * size_of::<f32>()
+        size_of_val(&self.data[..])
     }
 }
 
 /// A row to read.
 #[derive(Clone, Copy)]
-pub struct Row<'a> {
-    data: &'a [f32],
+pub struct Row<'a, T = f32> {
+    data: &'a [T],
     stride: usize,
 }
 
-impl<'a> Row<'a> {
+impl<'a, T: Copy> Row<'a, T> {
     /// `N` neighbouring values of a column, starting at pixel `x`, which may lie in the padding;
     /// `None` beyond it.
     #[inline(always)]
-    pub fn lanes<const N: usize>(&self, column: usize, x: i64) -> Option<&'a [f32; N]> {
+    pub fn lanes<const N: usize>(&self, column: usize, x: i64) -> Option<&'a [T; N]> {
         let start = column * self.stride + (x + PADDING as i64) as usize;
         self.data.get(start..)?.first_chunk::<N>()
     }
 
     /// One value.
     #[inline(always)]
-    pub fn get(&self, column: usize, x: usize) -> f32 {
+    pub fn get(&self, column: usize, x: usize) -> T {
         self.data[column * self.stride + PADDING + x]
     }
 }
 
 /// A row to write.
-pub struct RowMut<'a> {
-    data: &'a mut [f32],
+pub struct RowMut<'a, T = f32> {
+    data: &'a mut [T],
     stride: usize,
 }
 
-impl<'a> RowMut<'a> {
-    /// The row in a chunk of [`RecordBuffer::data_mut`] for a frame `width` pixels wide.
-    pub fn new(data: &'a mut [f32], width: usize) -> Self {
-        Self {
-            data,
-            stride: width + 2 * PADDING,
-        }
-    }
-
+impl<T> RowMut<'_, T> {
     /// Sets one value.
     #[inline(always)]
-    pub fn set(&mut self, column: usize, x: usize, value: f32) {
+    pub fn set(&mut self, column: usize, x: usize, value: T) {
         self.data[column * self.stride + PADDING + x] = value;
     }
 }

@@ -24,6 +24,7 @@ mod shear;
 mod simd;
 mod slabs;
 mod triangles;
+pub mod vector;
 mod wide;
 
 #[cfg(test)]

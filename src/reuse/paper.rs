@@ -128,12 +128,9 @@ impl Estimator for Paper {
             Some(film) => film.rows_mut().map(Some).collect(),
             None => (0..view.region.height).map(|_| None).collect(),
         };
-        let row_length = memory.row_length();
-        let records = memory.data_mut().par_chunks_mut(row_length);
-        let rows = film_rows.par_iter_mut().zip(records).enumerate();
-        rows.try_for_each(|(y, (film, records))| {
+        let rows = film_rows.par_iter_mut().zip(memory.rows_mut()).enumerate();
+        rows.try_for_each(|(y, (film, mut records))| {
             view.check_cancelled()?;
-            let mut records = RowMut::new(records, width);
             for x in 0..width {
                 let shot = view.shoot(x, y, iteration);
                 let Some(surface) = &shot.surface else {

@@ -1,19 +1,20 @@
-//! The second pass: four neighbours at a time.
+//! The second pass: eight neighbours at a time.
 
-use glam::{Vec3A, Vec4};
+use glam::Vec3A;
 
 use super::Memory;
-use super::records::{LENT_CLASSES, TAN_BETA, column};
+use super::records::{
+    COSINE_LIMIT, LENT_CLASSES, Neighbours, TAN_BETA, UNIT, column, quantised, wide_column,
+};
 use crate::film::PixelSums;
-use crate::record::{PADDING, Row};
+use crate::kernel::vector::{LANES, Vector, Work, run_on_vectors};
+use crate::record::PADDING;
 use crate::reuse::View;
 use crate::scene::Motion;
 use crate::surface::Surface;
 
-/// Neighbours at a time, one in each lane of a [`Vec4`]. Left to itself the compiler does one.
-const LANES: usize = 4;
 /// The number of each lane.
-const LANE: Vec4 = Vec4::new(0.0, 1.0, 2.0, 3.0);
+const LANE: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// Smallest cosine between the normals of pixels that share samples (the paper's section 4.1).
 const NORMAL_COSINE: f32 = 0.9;
@@ -29,31 +30,40 @@ const KERNEL_FLOOR: f32 = 4.0;
 /// have the same mean over the disk.
 const KERNEL_SCALE: f32 = 0.85;
 
-/// The part of a uniform sky's irradiance that records of a neighbour bring whose normal has this
-/// cosine with the receiver's. Its hemisphere covers (1 + cos) / 2 of the receiver's; the limit on
-/// the records' cosines takes a little more. The integral of min(cos_i, 3 cos_j) over both
-/// hemispheres is this line within 0.2 % for cosines from 0.9 on. Dividing by it keeps a uniform sky
-/// uniform on curved surfaces.
-fn brought(cosine: Vec4) -> Vec4 {
-    (0.74 * cosine + 0.26).min(Vec4::ONE)
+/// Least radius of a kernel in projected pixels, in an iteration.
+pub fn kernel_floor(iteration: u32) -> f32 {
+    KERNEL_FLOOR * ((iteration + 1) as f32).powf(-0.25)
 }
 
-/// The pixel that borrows.
+/// The pixel that borrows, 12 bytes.
 #[derive(Clone, Copy, Default)]
 pub struct Receiver {
-    /// Share of light that its Lambert part reflects.
-    albedo: [f32; 3],
-    /// The shading normal of that part.
-    normal: [f32; 3],
+    /// Share of light that its Lambert part reflects, in units of 1 / [`ALBEDO_UNIT`].
+    albedo: [u16; 3],
+    /// The shading normal of that part, in units of 1 / [`UNIT`].
+    normal: [i16; 3],
 }
+
+/// What an albedo of one is kept as. Colours up to four are kept, and black is exact.
+const ALBEDO_UNIT: f32 = 16383.0;
 
 impl Receiver {
     /// What a surface needs to borrow.
     pub fn at(surface: &Surface) -> Self {
+        // The cast saturates.
+        let albedo = surface.bsdf.albedo_lambert() * ALBEDO_UNIT;
         Self {
-            albedo: surface.bsdf.albedo_lambert().to_array(),
-            normal: surface.bsdf.lambert_normal().to_array(),
+            albedo: albedo.to_array().map(|a| a.round() as u16),
+            normal: surface.bsdf.lambert_normal().to_array().map(quantised),
         }
+    }
+
+    fn albedo(&self) -> Vec3A {
+        Vec3A::from_array(self.albedo.map(f32::from)) / ALBEDO_UNIT
+    }
+
+    fn normal(&self) -> Vec3A {
+        Vec3A::from_array(self.normal.map(f32::from)) / UNIT
     }
 }
 
@@ -67,8 +77,11 @@ pub struct Borrow<'a> {
     pub lenders: &'a [usize],
     /// Per lender and object: what carries the target's points to the lender.
     pub motions: &'a [Vec<Motion>],
+    /// Classes that the frame's light may be of.
+    pub classes: [bool; LENT_CLASSES],
     pub half_block: usize,
-    pub iteration: u32,
+    /// Least radius of a kernel in projected pixels.
+    pub kernel_floor: f32,
 }
 
 /// What a pixel looks for in its neighbours.
@@ -90,34 +103,45 @@ struct Place {
     /// Lower left pixel of the block.
     x: i64,
     y: i64,
-    /// Only records of this object are valid; of any where it is negative.
-    object: f32,
+    /// Whether only records of the block's object are valid.
+    is_of_object: bool,
 }
 
-/// Weighted sums of each class; one lane each.
-#[derive(Default)]
-struct Sums {
-    weight: [Vec4; LENT_CLASSES],
-    value: [[Vec4; 3]; LENT_CLASSES],
-    /// Squared weights of the widest class, for the effective number of samples.
-    weight_squared: Vec4,
+/// One row of pixels that borrow.
+struct BorrowRow<'a> {
+    borrow: &'a Borrow<'a>,
+    y: usize,
+    pixels: &'a mut [PixelSums],
+}
+
+impl Work for BorrowRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Vector>(self) {
+        let Self { borrow, y, pixels } = self;
+        let memory = &borrow.memories[borrow.target];
+        for (x, pixel) in pixels.iter_mut().enumerate() {
+            let Some(block) = borrow.block(x, y) else {
+                continue;
+            };
+            let mut sums = Sums::<V>::new();
+            borrow.add_lenders(&block, x, y, &mut sums);
+            let receiver = &memory.receivers[y * borrow.width() + x];
+            pixel.add_radiance(receiver.albedo() * sums.irradiance());
+            pixel.add_effective_samples(sums.effective_samples(borrow.classes));
+        }
+    }
 }
 
 impl Borrow<'_> {
     /// Adds what the pixels of row `y` borrow.
     pub fn add_row(&self, y: usize, pixels: &mut [PixelSums]) {
-        let memory = &self.memories[self.target];
-        let row = memory.records.row(y);
-        for (x, pixel) in pixels.iter_mut().enumerate() {
-            let Some(block) = self.block(&row, x, y) else {
-                continue;
-            };
-            let mut sums = Sums::default();
-            self.add_lenders(&block, x, y, &mut sums);
-            let receiver = &memory.receivers[y * self.width() + x];
-            pixel.add_radiance(Vec3A::from(receiver.albedo) * sums.irradiance());
-            pixel.add_effective_samples(sums.effective_samples());
-        }
+        run_on_vectors(BorrowRow {
+            borrow: self,
+            y,
+            pixels,
+        });
     }
 
     fn width(&self) -> usize {
@@ -125,31 +149,31 @@ impl Borrow<'_> {
     }
 
     /// The block around a pixel, or `None` where it shows no surface.
-    #[inline]
-    fn block(&self, row: &Row, x: usize, y: usize) -> Option<Block> {
-        let vector =
-            |first: usize| Vec3A::from_array([0, 1, 2].map(|axis| row.get(first + axis, x)));
-        let geometric_normal = vector(column::NORMAL);
-        if geometric_normal == Vec3A::ZERO {
+    fn block(&self, x: usize, y: usize) -> Option<Block> {
+        let memory = &self.memories[self.target];
+        let (wide, narrow) = memory.records.rows(y);
+        let normal = [0, 1, 2].map(|axis| narrow.get(column::NORMAL + axis, x));
+        if normal == [0; 3] {
             return None;
         }
+        let geometric_normal = Vec3A::from_array(normal.map(f32::from)) / UNIT;
+        let position =
+            Vec3A::from_array([0, 1, 2].map(|axis| wide.get(wide_column::POSITION + axis, x)));
         let view = &self.views[self.target];
-        let memory = &self.memories[self.target];
         let camera = &view.tracer.frame.camera;
-        let position = vector(column::POSITION);
         let wo = camera.direction_from(position);
         let cosine = geometric_normal.dot(wo).abs().max(VIEW_COSINE);
         let pixel_size =
             camera.pixel_size(camera.depth(position), view.region.frame_width) / cosine;
         let side = self.half_block as f32 + 0.7;
-        let floor = KERNEL_FLOOR * pixel_size * ((self.iteration + 1) as f32).powf(-0.25);
+        let floor = self.kernel_floor * pixel_size;
         let index = y * self.width() + x;
         let distance = memory.distances[index];
         Some(Block {
             position,
             geometric_normal,
-            normal: Vec3A::from(memory.receivers[index].normal),
-            object: row.get(column::OBJECT, x),
+            normal: memory.receivers[index].normal(),
+            object: wide.get(wide_column::OBJECT, x),
             distance_squared: (DIAGONAL * side * pixel_size).powi(2),
             inverse_radius_squared: TAN_BETA.map(|tan_beta| {
                 // Eq. 3 reaches g = 1 at d = 2 R tan(beta).
@@ -161,7 +185,6 @@ impl Borrow<'_> {
 
     /// Where the block lies in a lender: the same pixel in the target itself; elsewhere around the
     /// projection of the point, which moves with its object.
-    #[inline]
     fn place(&self, block: &Block, lender: usize, x: usize, y: usize) -> Option<Place> {
         let half = self.half_block as i64;
         let frame = self.lenders[lender];
@@ -171,21 +194,21 @@ impl Borrow<'_> {
                 geometric_normal: block.geometric_normal,
                 x: x as i64 - half,
                 y: y as i64 - half,
-                object: -1.0,
+                is_of_object: false,
             });
         }
-        let (position, geometric_normal, object) = match self.motions[lender][block.object as usize]
-        {
-            Motion::Absent => return None,
-            Motion::Still => (block.position, block.geometric_normal, -1.0),
-            Motion::Rigid(matrix) => (
-                matrix.transform_point3a(block.position),
-                matrix
-                    .transform_vector3a(block.geometric_normal)
-                    .normalize_or_zero(),
-                block.object,
-            ),
-        };
+        let (position, geometric_normal, is_of_object) =
+            match self.motions[lender][block.object as usize] {
+                Motion::Absent => return None,
+                Motion::Still => (block.position, block.geometric_normal, false),
+                Motion::Rigid(matrix) => (
+                    matrix.transform_point3a(block.position),
+                    matrix
+                        .transform_vector3a(block.geometric_normal)
+                        .normalize_or_zero(),
+                    true,
+                ),
+            };
         let view = &self.views[frame];
         let (x, y) = view
             .region
@@ -198,152 +221,172 @@ impl Borrow<'_> {
             geometric_normal,
             x: x - half,
             y: y - half,
-            object,
+            is_of_object,
         })
     }
 
-    #[inline]
-    fn add_lenders(&self, block: &Block, x: usize, y: usize, sums: &mut Sums) {
+    #[inline(always)]
+    fn add_lenders<V: Vector>(&self, block: &Block, x: usize, y: usize, sums: &mut Sums<V>) {
         let side = 2 * self.half_block + 1;
         for lender in 0..self.lenders.len() {
             let Some(place) = self.place(block, lender, x, y) else {
                 continue;
             };
+            let wanted = Wanted::new(block, &place);
             let frame = self.lenders[lender];
             let height = self.views[frame].region.height as i64;
             let first = place.y.clamp(0, height);
             let last = (place.y + side as i64).clamp(0, height);
             for y in first..last {
-                let row = self.memories[frame].records.row(y as usize);
+                let rows = self.memories[frame].records.rows(y as usize);
                 for start in (0..side).step_by(LANES) {
-                    let lanes = (side - start).min(LANES);
-                    sums.add(block, &place, &row, place.x + start as i64, lanes);
+                    let inside = V::load(&LANE).at_most(V::splat((side - start) as f32 - 0.5));
+                    let neighbours = Neighbours::new(rows, place.x + start as i64);
+                    sums.add(&wanted, &neighbours, inside, self.classes);
                 }
             }
         }
     }
 }
 
-impl Sums {
-    /// Adds the first `count` of four neighbours that start at pixel `x` of a row.
-    #[inline]
-    fn add(&mut self, block: &Block, place: &Place, row: &Row, x: i64, count: usize) {
-        let Some(neighbours) = Neighbours::load(row, x) else {
+/// [`Block`] and [`Place`] in every lane.
+struct Wanted<V> {
+    position: [V; 3],
+    geometric_normal: [V; 3],
+    normal: [V; 3],
+    /// Of valid records, if they must be of one object.
+    object: Option<V>,
+    distance_squared: V,
+    inverse_radius_squared: [V; LENT_CLASSES],
+}
+
+impl<V: Vector> Wanted<V> {
+    #[inline(always)]
+    fn new(block: &Block, place: &Place) -> Self {
+        let vector = |v: Vec3A| v.to_array().map(V::splat);
+        Self {
+            position: vector(place.position),
+            // Records hold whole numbers.
+            geometric_normal: vector(place.geometric_normal / UNIT),
+            normal: vector(block.normal / UNIT),
+            object: place.is_of_object.then(|| V::splat(block.object)),
+            distance_squared: V::splat(block.distance_squared),
+            inverse_radius_squared: block.inverse_radius_squared.map(V::splat),
+        }
+    }
+}
+
+/// The part of a uniform sky's irradiance that records of a neighbour bring whose normal has this
+/// cosine with the receiver's. Its hemisphere covers (1 + cos) / 2 of the receiver's; the limit on
+/// the records' cosines takes a little more. The integral of min(cos_i, 3 cos_j) over both
+/// hemispheres is this line within 0.2 % for cosines from 0.9 on. Dividing by it keeps a uniform sky
+/// uniform on curved surfaces.
+#[inline(always)]
+fn brought<V: Vector>(cosine: V) -> V {
+    (V::splat(0.74) * cosine + V::splat(0.26)).min(V::splat(1.0))
+}
+
+#[inline(always)]
+fn dot<V: Vector>([ax, ay, az]: [V; 3], [bx, by, bz]: [V; 3]) -> V {
+    ax * bx + ay * by + az * bz
+}
+
+/// The class of light with the widest cone.
+#[inline(always)]
+fn widest(classes: [bool; LENT_CLASSES]) -> Option<usize> {
+    classes.iter().rposition(|&is_there| is_there)
+}
+
+/// Weighted sums of each class.
+struct Sums<V> {
+    weight: [V; LENT_CLASSES],
+    value: [[V; 3]; LENT_CLASSES],
+    /// Squared weights of the widest class, for the effective number of samples.
+    weight_squared: V,
+}
+
+impl<V: Vector> Sums<V> {
+    #[inline(always)]
+    fn new() -> Self {
+        let zero = V::splat(0.0);
+        Self {
+            weight: [zero; LENT_CLASSES],
+            value: [[zero; 3]; LENT_CLASSES],
+            weight_squared: zero,
+        }
+    }
+
+    /// Adds eight neighbours, of which those count that are `inside` the block.
+    #[inline(always)]
+    fn add(
+        &mut self,
+        wanted: &Wanted<V>,
+        neighbours: &Neighbours,
+        inside: V,
+        classes: [bool; LENT_CLASSES],
+    ) {
+        let Some((position, normal)) = neighbours.place() else {
             return;
         };
-        let offset = neighbours.position - Lanes3::splat(place.position);
-        let distance_squared = offset.dot(&offset);
-        let turned = neighbours
-            .normal
-            .dot(&Lanes3::splat(place.geometric_normal));
-        let mut valid = distance_squared.cmple(Vec4::splat(block.distance_squared))
-            & turned.cmpge(Vec4::splat(NORMAL_COSINE))
-            & LANE.cmplt(Vec4::splat(count as f32));
-        if place.object >= 0.0 {
-            valid &= neighbours.object.cmpeq(Vec4::splat(place.object));
+        let offset = std::array::from_fn(|axis| position[axis] - wanted.position[axis]);
+        let distance_squared = dot(offset, offset);
+        let turned = dot(normal, wanted.geometric_normal);
+        let mut valid = distance_squared.at_most(wanted.distance_squared)
+            & V::splat(NORMAL_COSINE).at_most(turned)
+            & inside;
+        if let (Some(wanted), Some(object)) = (wanted.object, neighbours.object::<V>()) {
+            valid = valid & object.equals(wanted);
         }
         if !valid.any() {
             return;
         }
+        let Some(light) = neighbours.light::<V>() else {
+            return;
+        };
+        let (zero, one) = (V::splat(0.0), V::splat(1.0));
         let brought = brought(turned);
-        let cosine = neighbours.direction.dot(&Lanes3::splat(block.normal));
-        let cosine = cosine.max(Vec4::ZERO).min(neighbours.cosine_limit);
-        for class in 0..LENT_CLASSES {
-            let falloff = Vec4::ONE - distance_squared * block.inverse_radius_squared[class];
-            let falloff = Vec4::select(valid, falloff.max(Vec4::ZERO), Vec4::ZERO);
+        let cosine = dot(light.direction, wanted.normal)
+            .max(zero)
+            .min(light.cosine * V::splat(COSINE_LIMIT));
+        for class in (0..LENT_CLASSES).filter(|&class| classes[class]) {
+            let falloff = one - distance_squared * wanted.inverse_radius_squared[class];
+            let falloff = falloff.max(zero) & valid;
             let weight = falloff * falloff;
-            self.weight[class] += weight * brought;
-            if class == LENT_CLASSES - 1 {
-                self.weight_squared += weight * weight;
+            self.weight[class] = self.weight[class] + weight * brought;
+            if Some(class) == widest(classes) {
+                self.weight_squared = self.weight_squared + weight * weight;
             }
-            let of_class = neighbours.class.cmpeq(Vec4::splat(class as f32));
-            let share = Vec4::select(of_class, weight * cosine, Vec4::ZERO);
-            for (sum, value) in self.value[class].iter_mut().zip(neighbours.value.0) {
-                *sum += share * value;
+            let of_class = light.class.equals(V::splat(class as f32));
+            let share = weight * cosine & of_class;
+            for axis in 0..3 {
+                let sum = &mut self.value[class][axis];
+                *sum = *sum + share * light.value[axis];
             }
         }
     }
 
     /// Irradiance over pi: the classes' weighted means, added up.
+    #[inline(always)]
     fn irradiance(&self) -> Vec3A {
         let mut irradiance = Vec3A::ZERO;
         for (weight, value) in self.weight.iter().zip(&self.value) {
-            let weight = weight.element_sum();
+            let weight = weight.sum();
             if weight > 0.0 {
-                irradiance += Vec3A::from_array(value.map(Vec4::element_sum)) / weight;
+                irradiance += Vec3A::from_array(value.map(V::sum)) / weight;
             }
         }
         irradiance
     }
 
     /// Samples of equal weight that would be as good, for the widest class.
-    fn effective_samples(&self) -> f32 {
-        let sum = self.weight[LENT_CLASSES - 1].element_sum();
-        let squares = self.weight_squared.element_sum();
+    #[inline(always)]
+    fn effective_samples(&self, classes: [bool; LENT_CLASSES]) -> f32 {
+        let sum = widest(classes).map_or(0.0, |class| self.weight[class].sum());
+        let squares = self.weight_squared.sum();
         if squares > 0.0 {
             sum * sum / squares
         } else {
             0.0
         }
-    }
-}
-
-/// Four vectors, one axis after the other.
-#[derive(Clone, Copy)]
-struct Lanes3([Vec4; 3]);
-
-impl Lanes3 {
-    #[inline]
-    fn splat(v: Vec3A) -> Self {
-        Self([v.x, v.y, v.z].map(Vec4::splat))
-    }
-
-    #[inline]
-    fn load(row: &Row, first: usize, x: i64) -> Option<Self> {
-        let axis = |axis| row.lanes::<LANES>(first + axis, x).map(|&v| Vec4::from(v));
-        Some(Self([axis(0)?, axis(1)?, axis(2)?]))
-    }
-
-    #[inline]
-    fn dot(&self, other: &Self) -> Vec4 {
-        let ([ax, ay, az], [bx, by, bz]) = (self.0, other.0);
-        ax * bx + ay * by + az * bz
-    }
-}
-
-impl std::ops::Sub for Lanes3 {
-    type Output = Self;
-
-    #[inline]
-    fn sub(self, other: Self) -> Self {
-        let ([ax, ay, az], [bx, by, bz]) = (self.0, other.0);
-        Self([ax - bx, ay - by, az - bz])
-    }
-}
-
-/// Four records side by side.
-struct Neighbours {
-    position: Lanes3,
-    normal: Lanes3,
-    direction: Lanes3,
-    value: Lanes3,
-    cosine_limit: Vec4,
-    class: Vec4,
-    object: Vec4,
-}
-
-impl Neighbours {
-    #[inline]
-    fn load(row: &Row, x: i64) -> Option<Self> {
-        let scalar = |column| row.lanes::<LANES>(column, x).map(|&v| Vec4::from(v));
-        Some(Self {
-            position: Lanes3::load(row, column::POSITION, x)?,
-            normal: Lanes3::load(row, column::NORMAL, x)?,
-            direction: Lanes3::load(row, column::DIRECTION, x)?,
-            value: Lanes3::load(row, column::VALUE, x)?,
-            cosine_limit: scalar(column::COSINE_LIMIT)?,
-            class: scalar(column::CLASS)?,
-            object: scalar(column::OBJECT)?,
-        })
     }
 }

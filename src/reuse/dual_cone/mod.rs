@@ -24,15 +24,16 @@ mod sample;
 
 use rayon::prelude::*;
 
-use self::borrow::{Borrow, Receiver};
-use self::records::Record;
+use self::borrow::{Borrow, Receiver, kernel_floor};
+use self::records::{Class, LENT_CLASSES, Records};
 use self::sample::Pass;
 use super::{Estimator, View};
 use crate::contract::Settings;
 use crate::error::Result;
 use crate::film::{Film, PixelSums, Region};
-use crate::path::take_rays;
-use crate::record::{RecordBuffer, RowMut};
+use crate::kernel::vector::{to_upper_half, upper_half};
+use crate::path::{Bounces, take_rays};
+use crate::sampling::Part;
 use crate::scene::Motion;
 
 /// Iterations whose hit distances make up R; after them it is frozen, so that later estimates do not
@@ -47,7 +48,7 @@ pub struct DualCone {
 
 /// What a frame keeps between passes.
 pub struct Memory {
-    records: RecordBuffer,
+    records: Records,
     receivers: Vec<Receiver>,
     reach: Vec<Reach>,
     /// R of each pixel [m].
@@ -57,8 +58,17 @@ pub struct Memory {
 /// Sums towards the harmonic mean of a pixel's hit distances.
 #[derive(Clone, Copy, Default)]
 struct Reach {
-    inverse_sum: f32,
-    count: f32,
+    /// Upper half of a float: what R is made of need not be exact.
+    inverse_sum: i16,
+    count: u16,
+}
+
+impl Reach {
+    fn add(&mut self, distance: f32) {
+        let sum = upper_half(self.inverse_sum) + 1.0 / distance.max(f32::MIN_POSITIVE);
+        self.inverse_sum = to_upper_half(sum);
+        self.count += 1;
+    }
 }
 
 impl DualCone {
@@ -76,7 +86,7 @@ impl Estimator for DualCone {
     fn memory(&self, region: Region) -> Memory {
         let pixels = region.width * region.height;
         Memory {
-            records: RecordBuffer::new(Record::COLUMNS, region.width, region.height),
+            records: Records::new(region.width, region.height),
             receivers: vec![Receiver::default(); pixels],
             reach: vec![Reach::default(); pixels],
             distances: vec![0.0; pixels],
@@ -99,23 +109,20 @@ impl Estimator for DualCone {
     ) -> Result<()> {
         let pass = Pass::new(view, iteration);
         let width = view.region.width;
-        let row_length = memory.records.row_length();
         let mut film_rows: Vec<Option<&mut [PixelSums]>> = match film {
             Some(film) => film.rows_mut().map(Some).collect(),
             None => (0..view.region.height).map(|_| None).collect(),
         };
-        let records = memory.records.data_mut().par_chunks_mut(row_length);
         let receivers = memory.receivers.par_chunks_mut(width);
         let reach = memory.reach.par_chunks_mut(width);
         let rows = film_rows
             .par_iter_mut()
-            .zip(records)
+            .zip(memory.records.rows_mut())
             .zip(receivers)
             .zip(reach);
         rows.enumerate()
-            .try_for_each(|(y, (((film, records), receivers), reach))| {
+            .try_for_each(|(y, (((film, mut records), receivers), reach))| {
                 view.check_cancelled()?;
-                let mut records = RowMut::new(records, width);
                 for x in 0..width {
                     let mut pixel = film.as_deref_mut().map(|row| &mut row[x]);
                     let sample = pass.sample_pixel(x, y, &mut pixel);
@@ -124,8 +131,7 @@ impl Estimator for DualCone {
                     if iteration < REACH_ITERATIONS
                         && let Some(distance) = sample.distance
                     {
-                        reach[x].inverse_sum += 1.0 / distance.max(f32::MIN_POSITIVE);
-                        reach[x].count += 1.0;
+                        reach[x].add(distance);
                     }
                 }
                 view.progress.count_rays(take_rays());
@@ -157,8 +163,9 @@ impl Estimator for DualCone {
             target,
             lenders,
             motions: &motions,
+            classes: lent_classes(view),
             half_block: self.half_block,
-            iteration,
+            kernel_floor: kernel_floor(iteration),
         };
         let rows = film.pixels_mut().par_chunks_mut(view.region.width);
         rows.enumerate().try_for_each(|(y, pixels)| {
@@ -167,6 +174,25 @@ impl Estimator for DualCone {
             Ok(())
         })
     }
+}
+
+/// Classes that light in a frame may be of.
+fn lent_classes(view: &View) -> [bool; LENT_CLASSES] {
+    let mut classes = [false; LENT_CLASSES];
+    let mut add = |class: Class| {
+        if class != Class::Own {
+            classes[class as usize] = true;
+        }
+    };
+    view.light_tree
+        .leaves()
+        .iter()
+        .for_each(|leaf| add(Class::of_leaf(leaf.tan_beta)));
+    let bounces = Bounces::default().after(Part::Diffuse);
+    if !bounces.at_limit(view.tracer.settings) {
+        add(Class::Indirect);
+    }
+    classes
 }
 
 /// R of every pixel: the harmonic mean of the hit distances around it, which follows the nearest
@@ -181,18 +207,14 @@ fn pool_distances(view: &View, memory: &mut Memory) {
         .enumerate()
         .for_each(|(y, row)| {
             for (x, distance) in row.iter_mut().enumerate() {
-                let mut sum = Reach::default();
+                let (mut sum, mut count) = (0.0, 0.0);
                 for y in y.saturating_sub(REACH_HALF)..(y + REACH_HALF + 1).min(height) {
                     for x in x.saturating_sub(REACH_HALF)..(x + REACH_HALF + 1).min(width) {
-                        sum.inverse_sum += reach[y * width + x].inverse_sum;
-                        sum.count += reach[y * width + x].count;
+                        sum += upper_half(reach[y * width + x].inverse_sum);
+                        count += f32::from(reach[y * width + x].count);
                     }
                 }
-                let inverse = if sum.count > 0.0 {
-                    sum.inverse_sum / sum.count
-                } else {
-                    0.0
-                };
+                let inverse = if count > 0.0 { sum / count } else { 0.0 };
                 *distance = 1.0 / (inverse + inverse_size);
             }
         });
