@@ -8,15 +8,20 @@ use super::REACH_ITERATIONS;
 use super::borrow::Receiver;
 use super::records::{Class, OWN_BELOW, Record};
 use crate::film::PixelSums;
-use crate::path::{Bounces, Continuation, Gathered};
+use crate::path::{Bounces, Continuation};
 use crate::reuse::{Shot, View};
-use crate::sampling::{LobePdfs, Part, Strategy};
+use crate::sampling::{LobePdfs, Strategy};
 use crate::surface::Surface;
 
 /// Share of the sky's light in directions that are each pixel's own, up to which gather rays alone
 /// look for the sky: what they find is shared, while a light sample of the sky is its pixel's own.
 /// Beyond it the own directions would be noisier than light samples leave them.
 const OWN_SKY_SHARE: f32 = 0.01;
+
+/// Least probability of the Lambert part of a surface that shares. One gather ray serves all
+/// closures; where the Lambert part is chosen more rarely its samples are few and heavy, and the pixel
+/// is better off alone.
+const LEAST_LAMBERT: f32 = 0.25;
 
 /// The first pass of an iteration over a frame.
 pub struct Pass<'a> {
@@ -60,69 +65,73 @@ impl<'a> Pass<'a> {
         pixel: &mut Option<&mut PixelSums>,
     ) -> PixelSample {
         let shot = self.view.shoot(x, y, self.iteration);
+        let mut sample = PixelSample::default();
+        let mut own = shot.radiance;
+        let shares = |s: &Surface| s.bsdf.probability_lambert() >= LEAST_LAMBERT;
+        let mut effective_samples = 1.0;
+        match &shot.surface {
+            None => {}
+            Some(surface) if shares(surface) => {
+                own += self.direct(&shot, surface) + self.gather(&shot, surface, &mut sample);
+                effective_samples = 0.0;
+            }
+            Some(surface) => {
+                let (tracer, sampler) = (&self.view.tracer, &shot.sampler);
+                own += tracer.reflected(surface, Bounces::default(), 1.0, sampler);
+            }
+        }
         if let Some(pixel) = pixel {
             pixel.add_sighting(self.iteration, &shot.seen);
-            pixel.add_radiance(shot.radiance);
-        }
-        let Some(surface) = &shot.surface else {
-            if let Some(pixel) = pixel {
-                pixel.add_effective_samples(1.0);
-            }
-            return PixelSample::default();
-        };
-        if let Some(pixel) = pixel {
-            pixel.add_radiance(self.direct(&shot, surface));
-        }
-        let object = self
-            .view
-            .window
-            .object(self.view.index, surface.hit.instance);
-        let mut sample = PixelSample {
-            record: Record::at(surface, object),
-            receiver: Receiver::at(surface),
-            distance: None,
-        };
-        if shot.sampler.scatter(0).lobe < surface.bsdf.probability_lambert() {
-            let own = self.gather_lambert(&shot, surface, &mut sample);
-            if let Some(pixel) = pixel {
-                pixel.add_radiance(own);
-            }
-        } else if let Some(pixel) = pixel {
-            pixel.add_radiance(self.gather_own(&shot, surface));
+            pixel.add_radiance(own);
+            pixel.add_effective_samples(effective_samples);
         }
         sample
     }
 
     /// Light of light samples: always the pixel's own.
     fn direct(&self, shot: &Shot, surface: &Surface) -> Vec3A {
-        let lambert = surface.bsdf.probability_lambert();
         let (tracer, sampler) = (&self.view.tracer, &shot.sampler);
-        let direct = tracer.direct(surface, 0, self.strategy, sampler, |_, pdfs| LobePdfs {
-            lambert: lambert * pdfs.lambert,
-            own: (1.0 - lambert) * pdfs.own,
+        let direct = tracer.direct(surface, 0, self.strategy, sampler, |bsdf, pdfs| {
+            let pdf = bsdf.pdf(pdfs);
+            LobePdfs {
+                lambert: pdf,
+                own: pdf,
+            }
         });
         direct.sum()
     }
 
-    /// One gather ray off the Lambert part. What it finds is for lending, except light of lamps and
-    /// suns, which is returned: light sampling finds it better, and borrowed it would smear their
-    /// shadows.
-    fn gather_lambert(&self, shot: &Shot, surface: &Surface, sample: &mut PixelSample) -> Vec3A {
-        let u = shot.sampler.scatter(0).direction;
-        let Some(direction) = surface.bsdf.sample_lambert(u) else {
+    /// One gather ray for all closures of the surface, as path tracing would follow it. What it
+    /// brings to the Lambert part is for lending, except light of lamps and suns: light sampling finds it
+    /// better, and borrowed it would smear their shadows. The rest is returned.
+    fn gather(&self, shot: &Shot, surface: &Surface, sample: &mut PixelSample) -> Vec3A {
+        let object = self
+            .view
+            .window
+            .object(self.view.index, surface.hit.instance);
+        sample.record = Record::at(surface, object);
+        sample.receiver = Receiver::at(surface);
+        let numbers = shot.sampler.scatter(0);
+        let Some(drawn) = surface.bsdf.sample(numbers.lobe, numbers.direction) else {
             return Vec3A::ZERO;
         };
-        let (value, pdfs) = surface.bsdf.eval(direction);
-        let pdf_solid_angle = surface.bsdf.probability_lambert() * pdfs.lambert;
-        if !(pdf_solid_angle > 0.0) {
-            return Vec3A::ZERO;
-        }
-        let gathered = self.gather(shot, surface, Part::Diffuse, direction, pdf_solid_angle);
+        let pdf_solid_angle = surface.bsdf.pdf(drawn.pdfs);
+        let from = Continuation {
+            ray: surface.ray_towards(drawn.direction),
+            pdf_solid_angle,
+            position: surface.position,
+            normal: surface.normal_towards(drawn.direction),
+            strategy: self.strategy,
+            bounces: Bounces::default().after(drawn.part),
+            throughput: 1.0,
+            wants_distance: self.iteration < REACH_ITERATIONS,
+        };
+        let gathered = self.view.tracer.gather(&from, &shot.sampler);
         sample.distance = Some(gathered.distance);
         let class = Class::of(&gathered, || {
-            match self.view.tracer.lights.is_sun(direction) {
+            match self.view.tracer.lights.is_sun(drawn.direction) {
                 true => 0.0,
-                false => self.view.light_tree.leaf(direction).tan_beta,
+                false => self.view.light_tree.leaf(drawn.direction).tan_beta,
             }
         });
         let (lent, own) = match class {
@@ -130,47 +139,8 @@ impl<'a> Pass<'a> {
             Class::Indirect => (gathered.indirect, gathered.lamps),
             Class::Narrow | Class::Wide => (gathered.environment, gathered.lamps),
         };
-        let lent = lent / (PI * pdf_solid_angle);
-        sample.record.lend(direction, lent, surface, class);
-        own * value.lambert / pdf_solid_angle
-    }
-
-    /// One gather ray off the other closures: the pixel's own.
-    fn gather_own(&self, shot: &Shot, surface: &Surface) -> Vec3A {
-        let numbers = shot.sampler.scatter(0);
-        let lambert = surface.bsdf.probability_lambert();
-        // The lobe's number was used to choose the part; what is left of it is uniform again.
-        let u_lobe = (numbers.lobe - lambert) / (1.0 - lambert);
-        let Some((direction, part)) = surface.bsdf.sample_own(u_lobe, numbers.direction) else {
-            return Vec3A::ZERO;
-        };
-        let (value, pdfs) = surface.bsdf.eval(direction);
-        let pdf_solid_angle = (1.0 - lambert) * pdfs.own;
-        if !(pdf_solid_angle > 0.0) {
-            return Vec3A::ZERO;
-        }
-        let gathered = self.gather(shot, surface, part, direction, pdf_solid_angle);
-        gathered.sum() * value.own() / pdf_solid_angle
-    }
-
-    fn gather(
-        &self,
-        shot: &Shot,
-        surface: &Surface,
-        part: Part,
-        direction: Vec3A,
-        pdf_solid_angle: f32,
-    ) -> Gathered {
-        let from = Continuation {
-            ray: surface.ray_towards(direction),
-            pdf_solid_angle,
-            position: surface.position,
-            normal: surface.normal_towards(direction),
-            strategy: self.strategy,
-            bounces: Bounces::default().after(part),
-            throughput: 1.0,
-            wants_distance: self.iteration < REACH_ITERATIONS,
-        };
-        self.view.tracer.gather(&from, &shot.sampler)
+        let record = lent / (PI * pdf_solid_angle);
+        sample.record.lend(drawn.direction, record, surface, class);
+        (own * drawn.value.lambert + gathered.sum() * drawn.value.own()) / pdf_solid_angle
     }
 }
