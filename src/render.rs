@@ -99,10 +99,14 @@ impl Prepared {
         let accel = Accel::build(frame, before.map(|(frame, _)| frame));
         let previous = before.map(|(_, prepared)| prepared);
         let (lower, upper) = accel.bounds().unwrap_or((Vec3A::ZERO, Vec3A::ONE));
-        let lights = LightSampler::build(frame, previous.map(|p| &p.lights));
+        let mut lights = LightSampler::build(frame, previous.map(|p| &p.lights));
         let same_world = previous.filter(|p| p.light_tree.is_of(&frame.world));
         let build = || Arc::new(LightTree::build(&frame.world, |d| lights.is_sun(d)));
         let light_tree = same_world.map_or_else(build, |p| p.light_tree.clone());
+        match same_world {
+            Some(previous) => lights.take_small_sky(&previous.lights),
+            None => lights.set_small_sky(&frame.world, |d| light_tree.leaf(d).is_small()),
+        }
         Self {
             light_tree,
             lights,

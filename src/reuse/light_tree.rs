@@ -49,12 +49,23 @@ pub struct Leaf {
     pub tan_beta: f32,
 }
 
+/// Below this tan(beta) a part of the sky is small: a 3.4 degree disk, seven suns wide. A copy of a
+/// ray to it misses the edges of its shadows.
+const SMALL_BELOW: f32 = 0.03;
+
+impl Leaf {
+    /// Whether light sampling finds this part of the sky better than sharing does.
+    pub fn is_small(&self) -> bool {
+        self.tan_beta < SMALL_BELOW
+    }
+}
+
 /// The leaves, which partition the sphere.
 pub struct LightTree {
     world: World,
     grid: Grid,
     /// Leaf of each cell of the grid, row by row from the bottom.
-    leaf_of_cell: Vec<u32>,
+    leaf_of_cell: Vec<u16>,
     leaves: Vec<Leaf>,
 }
 
@@ -97,7 +108,7 @@ impl LightTree {
             let mut power = DVec3::ZERO;
             for (x, y) in region.cells() {
                 let cell = y * grid.columns + x;
-                leaf_of_cell[cell] = index as u32;
+                leaf_of_cell[cell] = index as u16;
                 power += cells[cell].as_dvec3() * grid.solid_angle(&Region::cell(x, y));
             }
             let solid_angle = grid.solid_angle(region);
@@ -127,11 +138,11 @@ impl LightTree {
             && self.world.environment_from_world == world.environment_from_world
     }
 
-    /// Share of the light that comes from leaves with a cone narrower than this; 0 for a black sky.
-    pub fn share_below(&self, tan_beta: f32) -> f32 {
+    /// Share of the light that comes from small leaves; 0 for a black sky.
+    pub fn small_share(&self) -> f32 {
         let light = |leaf: &Leaf| f64::from(leaf.solid_angle * luminance(leaf.radiance));
         let all: f64 = self.leaves.iter().map(light).sum();
-        let narrow = self.leaves.iter().filter(|leaf| leaf.tan_beta < tan_beta);
+        let narrow = self.leaves.iter().filter(|leaf| leaf.is_small());
         if all > 0.0 {
             (narrow.map(light).sum::<f64>() / all) as f32
         } else {

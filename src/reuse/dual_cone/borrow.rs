@@ -357,7 +357,7 @@ impl<V: Vector> Sums<V> {
                 self.weight_squared = self.weight_squared + weight * weight;
             }
             let of_class = light.class.equals(V::splat(class as f32));
-            let share = weight * cosine & of_class;
+            let share = (weight * cosine) & of_class;
             for axis in 0..3 {
                 let sum = &mut self.value[class][axis];
                 *sum = *sum + share * light.value[axis];

@@ -179,15 +179,9 @@ impl Estimator for DualCone {
 /// Classes that light in a frame may be of.
 fn lent_classes(view: &View) -> [bool; LENT_CLASSES] {
     let mut classes = [false; LENT_CLASSES];
-    let mut add = |class: Class| {
-        if class != Class::Own {
-            classes[class as usize] = true;
-        }
-    };
-    view.light_tree
-        .leaves()
-        .iter()
-        .for_each(|leaf| add(Class::of_leaf(leaf.tan_beta)));
+    let mut add = |class: Class| classes[class as usize] = true;
+    let leaves = view.light_tree.leaves().iter();
+    leaves.for_each(|leaf| add(Class::of_sky(leaf)));
     let bounces = Bounces::default().after(Part::Diffuse);
     if !bounces.at_limit(view.tracer.settings) {
         add(Class::Indirect);

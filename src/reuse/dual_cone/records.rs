@@ -4,8 +4,8 @@ use glam::Vec3A;
 use rayon::prelude::*;
 
 use crate::kernel::vector::{Vector, to_upper_half};
-use crate::path::Gathered;
 use crate::record::{RecordBuffer, Row, RowMut};
+use crate::reuse::light_tree::Leaf;
 use crate::surface::Surface;
 
 /// Kinds of light that differ in how far a sample of it can be trusted.
@@ -28,26 +28,15 @@ pub const LENT_CLASSES: usize = 3;
 /// larger ones borrow from farther and blur more (docs/method.md, section 3).
 pub const TAN_BETA: [f32; LENT_CLASSES] = [0.1, 0.3, 0.45];
 
-/// Below this tan(beta) a part of the sky is its pixel's own: a 3.4 degree disk, seven suns wide.
-pub const OWN_BELOW: f32 = 0.03;
 /// Below this tan(beta) a part of the sky counts as narrow.
 const NARROW_BELOW: f32 = 0.2;
 
 impl Class {
-    /// The class of what a gather ray found; `tan_beta` is asked for where it left the scene.
-    pub fn of(gathered: &Gathered, tan_beta: impl FnOnce() -> f32) -> Self {
-        if gathered.distance.is_finite() {
-            return Class::Indirect;
-        }
-        Self::of_leaf(tan_beta())
-    }
-
-    /// The class of light from a part of the sky.
-    pub fn of_leaf(tan_beta: f32) -> Self {
-        match tan_beta {
-            t if t < OWN_BELOW => Class::Own,
-            t if t < NARROW_BELOW => Class::Narrow,
-            _ => Class::Wide,
+    /// The class of light from a part of the sky that is lent.
+    pub fn of_sky(leaf: &Leaf) -> Self {
+        match leaf.tan_beta < NARROW_BELOW {
+            true => Class::Narrow,
+            false => Class::Wide,
         }
     }
 }

@@ -6,17 +6,16 @@ use glam::Vec3A;
 
 use super::REACH_ITERATIONS;
 use super::borrow::Receiver;
-use super::records::{Class, OWN_BELOW, Record};
+use super::records::{Class, Record};
 use crate::film::PixelSums;
-use crate::path::{Bounces, Continuation};
+use crate::path::{Bounces, Continuation, Gathered};
 use crate::reuse::{Shot, View};
 use crate::sampling::{LobePdfs, Strategy};
 use crate::surface::Surface;
 
-/// Share of the sky's light in directions that are each pixel's own, up to which gather rays alone
-/// look for the sky: what they find is shared, while a light sample of the sky is its pixel's own.
-/// Beyond it the own directions would be noisier than light samples leave them.
-const OWN_SKY_SHARE: f32 = 0.01;
+/// Share of the sky's light in its small parts from which on they get a light sample. What gather
+/// rays find there is each pixel's own, and noisier than a light sample leaves it.
+const SMALL_SKY_SHARE: f32 = 0.01;
 
 /// Least probability of the Lambert part of a surface that shares. One gather ray serves all
 /// closures; where the Lambert part is chosen more rarely its samples are few and heavy, and the pixel
@@ -45,13 +44,13 @@ pub struct PixelSample {
 impl<'a> Pass<'a> {
     /// The pass of an iteration over a frame.
     pub fn new(view: &'a View<'a>, iteration: u32) -> Self {
-        let is_gathered = view.light_tree.share_below(OWN_BELOW) <= OWN_SKY_SHARE;
+        let needs_light_samples = view.light_tree.small_share() > SMALL_SKY_SHARE;
         Self {
             view,
             iteration,
-            strategy: match is_gathered {
-                true => Strategy::WithoutSky,
-                false => Strategy::SkyApart,
+            strategy: match needs_light_samples {
+                true => Strategy::SmallSkyApart,
+                false => Strategy::WithoutSky,
             },
         }
     }
@@ -128,12 +127,7 @@ impl<'a> Pass<'a> {
         };
         let gathered = self.view.tracer.gather(&from, &shot.sampler);
         sample.distance = Some(gathered.distance);
-        let class = Class::of(&gathered, || {
-            match self.view.tracer.lights.is_sun(drawn.direction) {
-                true => 0.0,
-                false => self.view.light_tree.leaf(drawn.direction).tan_beta,
-            }
-        });
+        let class = self.class_of(&gathered, drawn.direction);
         let (lent, own) = match class {
             Class::Own => (Vec3A::ZERO, gathered.sum()),
             Class::Indirect => (gathered.indirect, gathered.lamps),
@@ -142,5 +136,16 @@ impl<'a> Pass<'a> {
         let record = lent / (PI * pdf_solid_angle);
         sample.record.lend(drawn.direction, record, surface, class);
         (own * drawn.value.lambert + gathered.sum() * drawn.value.own()) / pdf_solid_angle
+    }
+
+    fn class_of(&self, gathered: &Gathered, direction: Vec3A) -> Class {
+        let lights = &self.view.tracer.lights;
+        if gathered.distance.is_finite() {
+            Class::Indirect
+        } else if lights.is_sun(direction) || lights.is_small_sky(direction) {
+            Class::Own
+        } else {
+            Class::of_sky(self.view.light_tree.leaf(direction))
+        }
     }
 }

@@ -292,6 +292,59 @@ pub(super) struct Sky {
     image: Option<(Arc<ImageTables>, Mapping)>,
 }
 
+/// The parts of a sky that are small for their share of its light, as a light of their own.
+#[derive(Debug)]
+pub(super) struct SmallSky {
+    table: CellTable,
+    mapping: Mapping,
+}
+
+impl SmallSky {
+    /// The cells of the sky's grid in which `is_small` holds somewhere; `None` where it does nowhere.
+    fn new(sky: &CellTable, mapping: Mapping, is_small: impl Fn(Vec3A) -> bool) -> Option<Self> {
+        /// Directions that are asked for along each side of a cell.
+        const STEPS: usize = 4;
+        let grid = sky.grid();
+        let holds_small = |cell: usize| {
+            (0..STEPS * STEPS).any(|i| {
+                let u = [i % STEPS, i / STEPS].map(|k| (k as f32 + 0.5) / STEPS as f32);
+                is_small(mapping.world(grid.direction(cell, u)))
+            })
+        };
+        let weights: Vec<f32> = (0..grid.cells())
+            .map(|cell| match sky.probability(cell) {
+                weight if weight > 0.0 && holds_small(cell) => weight,
+                _ => 0.0,
+            })
+            .collect();
+        Some(Self {
+            table: CellTable::new(grid, &weights)?,
+            mapping,
+        })
+    }
+
+    pub(super) fn sample(&self, u: [f32; 2]) -> Option<LightSample> {
+        let (direction, pdf) = self.table.sample(u);
+        let direction = self.mapping.world(direction);
+        let pdf = pdf * self.mapping.environment(direction).1;
+        distant(direction, pdf, LightClass::Sky)
+    }
+
+    /// Density [1/sr] of a direction; zero for one that is not of these parts.
+    pub(super) fn pdf(&self, direction: Vec3A) -> f32 {
+        let (direction, stretch) = self.mapping.environment(direction);
+        stretch * self.table.pdf(direction)
+    }
+}
+
+impl Sky {
+    /// Its parts where `is_small` holds (world space), if it has an image.
+    pub(super) fn small_parts(&self, is_small: impl Fn(Vec3A) -> bool) -> Option<SmallSky> {
+        let (tables, mapping) = self.image.as_ref()?;
+        SmallSky::new(tables.sky.as_ref()?, *mapping, is_small)
+    }
+}
+
 /// The sun of an image.
 #[derive(Debug)]
 pub(super) struct ImageSun {
@@ -335,7 +388,7 @@ pub(super) fn lights_of(
 }
 
 fn distant(direction: Vec3A, pdf: f32, class: LightClass) -> Option<LightSample> {
-    (pdf > 0.0 && pdf.is_finite()).then(|| LightSample {
+    (pdf > 0.0 && pdf.is_finite()).then_some(LightSample {
         direction,
         distance: f32::INFINITY,
         radiance: None,

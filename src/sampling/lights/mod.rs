@@ -27,7 +27,7 @@ use super::sampler::LightUse;
 use crate::math::Ray;
 use crate::scene::{Light, LightKind, SceneFrame, World};
 use area::Area;
-use environment::{ImageTables, lights_of};
+use environment::{ImageTables, SmallSky, lights_of};
 use mesh::MeshLight;
 pub use mesh::emitted_radiance;
 use sphere::{Cone, Sphere};
@@ -57,6 +57,16 @@ pub enum Strategy {
     SkyApart,
     /// One of all but the sky, which scattered rays find.
     WithoutSky,
+    /// The small parts of the sky, and one of all but the sky; the rest of it is left to scattered
+    /// rays. See [`LightSampler::set_small_sky`].
+    SmallSkyApart,
+}
+
+impl Strategy {
+    /// Whether the whole sky is among the lights.
+    fn draws_sky(self) -> bool {
+        matches!(self, Strategy::One | Strategy::SkyApart)
+    }
 }
 
 /// A direction towards a light.
@@ -150,6 +160,7 @@ pub struct LightSampler {
     environment: std::ops::Range<usize>,
     /// The surroundings without their sun.
     sky: Option<usize>,
+    small_sky: Option<Arc<SmallSky>>,
     /// Glowing instances, in rising order; their lights come last in `lights`.
     glowing: Vec<u32>,
     /// For where there are too many lights to weigh them at every point.
@@ -185,10 +196,29 @@ impl LightSampler {
             lamps,
             environment,
             sky: sky_index,
+            small_sky: None,
             glowing,
             world: frame.world.clone(),
             image_tables,
         }
+    }
+
+    /// Makes the parts of the sky for which `is_small` holds (a direction of world space) a light for
+    /// [`Strategy::SmallSkyApart`].
+    pub fn set_small_sky(&mut self, world: &World, is_small: impl Fn(Vec3A) -> bool) {
+        let (sky, ..) = lights_of(world, self.image_tables.as_ref());
+        self.small_sky = sky.and_then(|sky| sky.small_parts(is_small)).map(Arc::new);
+    }
+
+    /// Takes the small parts of the sky over from another frame's lights.
+    pub fn take_small_sky(&mut self, previous: &Self) {
+        self.small_sky.clone_from(&previous.small_sky);
+    }
+
+    /// Whether a direction lies in the small parts of the sky.
+    pub fn is_small_sky(&self, direction: Vec3A) -> bool {
+        let small = self.small_sky.as_ref();
+        small.is_some_and(|small| small.pdf(direction) > 0.0)
     }
 
     /// Number of lights.
@@ -221,10 +251,16 @@ impl LightSampler {
             let (index, pmf, u_choice) = self.choose(&receiver, strategy, numbers.choice)?;
             self.sample_light(index, pmf, &receiver, u_choice, numbers.direction)
         };
-        let sky = || self.sample_light(self.sky?, 1.0, &receiver, 0.0, sky_numbers());
         match strategy {
             Strategy::One | Strategy::WithoutSky => [one(), None],
-            Strategy::SkyApart => [one(), sky()],
+            Strategy::SkyApart => {
+                let sky = |sky| self.sample_light(sky, 1.0, &receiver, 0.0, sky_numbers());
+                [one(), self.sky.and_then(sky)]
+            }
+            Strategy::SmallSkyApart => {
+                let small = self.small_sky.as_ref();
+                [one(), small.and_then(|small| small.sample(sky_numbers()))]
+            }
         }
     }
 
@@ -269,17 +305,20 @@ impl LightSampler {
         direction: Vec3A,
     ) -> f32 {
         let receiver = Receiver { point, normal };
-        self.environment
-            .clone()
-            .map(|index| {
-                let density = self.lights[index].pdf_of_direction(&receiver, direction);
-                if density > 0.0 {
-                    density * self.pmf(index, strategy, &receiver)
-                } else {
-                    0.0
-                }
-            })
-            .sum()
+        let small = match (&self.small_sky, strategy) {
+            (Some(small), Strategy::SmallSkyApart) => small.pdf(direction),
+            _ => 0.0,
+        };
+        let drawn = |&index: &usize| self.sky != Some(index) || strategy.draws_sky();
+        let densities = self.environment.clone().filter(drawn).map(|index| {
+            let density = self.lights[index].pdf_of_direction(&receiver, direction);
+            if density > 0.0 {
+                density * self.pmf(index, strategy, &receiver)
+            } else {
+                0.0
+            }
+        });
+        small + densities.sum::<f32>()
     }
 
     /// The lamps that a ray with a unit direction meets up to its end; a sun only if it has none.

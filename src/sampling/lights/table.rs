@@ -115,6 +115,15 @@ impl CellTable {
         })
     }
 
+    pub(super) fn grid(&self) -> Grid {
+        self.grid
+    }
+
+    /// Probability of a cell.
+    pub(super) fn probability(&self, cell: usize) -> f32 {
+        self.densities[cell] * self.grid.solid_angle(cell / self.grid.width)
+    }
+
     /// A direction and its density [1/sr].
     pub(super) fn sample(&self, u: [f32; 2]) -> (Vec3A, f32) {
         let (row, _, v) = self.rows.sample(u[1]);

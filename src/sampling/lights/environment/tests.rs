@@ -178,7 +178,7 @@ fn densities_integrate_to_one() {
     }
 }
 
-/// What is drawn has the radiance and the density that its direction has, and nothing is sky and
+/// What is drawn has the density that its direction has, its radiance is left to the world, and nothing is sky and
 /// sun at once.
 #[test]
 fn sky_and_sun_share_the_sphere() {
@@ -210,4 +210,42 @@ fn tables_are_made_once_for_an_image() {
     assert!(Arc::ptr_eq(&first, &again.unwrap()));
     let (_, _, other) = lights_of(&world(self::image(None), turned()), Some(&first));
     assert!(!Arc::ptr_eq(&first, &other.unwrap()));
+}
+
+/// Of the small parts are drawn all the directions that belong to them and no others, with the
+/// density that they have.
+#[test]
+fn small_parts_are_drawn_as_their_density_says() {
+    for mapping in [turned(), stretched()] {
+        let world = world(image(None), mapping);
+        let (sky, ..) = lights_of(&world, None);
+        let centre = Vec3A::new(0.6, 0.0, 0.8);
+        let is_small = |direction: Vec3A| direction.dot(centre) > 0.98;
+        let small = sky.unwrap().small_parts(is_small).unwrap();
+        let mut random = Random::new(21);
+        let (mut integral, draws) = (0.0, 20_000);
+        for _ in 0..draws {
+            let direction = sample_sphere(random.next_2d());
+            integral += f64::from(small.pdf(direction)) * 4.0 * std::f64::consts::PI;
+            assert!(small.pdf(direction) > 0.0 || !is_small(direction));
+            let drawn = small.sample(random.next_2d()).unwrap();
+            assert!(drawn.direction.dot(centre) > 0.95);
+            let pdf = small.pdf(drawn.direction);
+            // On a border between cells rounding may tell another cell.
+            assert!(pdf == 0.0 || (drawn.pdf_solid_angle / pdf - 1.0).abs() < 1.0);
+        }
+        // The parts cover a hundredth of the sphere, so that one draw has the standard deviation 10.
+        let error = integral / f64::from(draws) - 1.0;
+        assert!(
+            error.abs() < 4.5 * 12.0 / f64::from(draws).sqrt(),
+            "{error}"
+        );
+        assert!(
+            lights_of(&world, None)
+                .0
+                .unwrap()
+                .small_parts(|_| false)
+                .is_none()
+        );
+    }
 }
