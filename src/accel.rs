@@ -214,6 +214,7 @@ mod tests {
             world_from_object,
             object_from_world,
             world_from_normal: object_from_world.matrix3.transpose(),
+            info: crate::shader::ObjectInfo::default(),
             materials: vec![],
         }
     }

@@ -19,6 +19,8 @@ pub mod contract;
 pub mod math;
 #[allow(unsafe_code)]
 pub mod kernel;
+pub mod image;
+pub mod shader;
 pub mod scene;
 pub mod film;
 pub mod accel;

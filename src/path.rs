@@ -16,6 +16,7 @@ use crate::sampling::{
     Bsdf, LightSample, LightSampler, LobePdfs, LobeValues, Part, Sampler, Strategy,
 };
 use crate::scene::SceneFrame;
+use crate::shader::RayInfo;
 use crate::surface::{self, Surface};
 
 /// Bounces before Russian roulette may end a path; Cycles begins there too.
@@ -139,19 +140,19 @@ impl<'a> Tracer<'a> {
     pub fn arrive(&self, ray: &Ray, vertex: u32, sampler: &Sampler) -> Option<Surface> {
         count_ray();
         let hit = if self.see_through {
-            let accept = |hit: &Hit| self.is_stopped(hit, vertex, sampler);
+            let accept = |hit: &Hit| self.is_stopped(hit, ray, vertex, sampler);
             self.accel.closest_hit_where(self.frame, ray, accept)
         } else {
             self.accel.closest_hit(self.frame, ray)
         }?;
-        Some(surface::at(self.frame, &hit, ray))
+        Some(surface::at(self.frame, &hit, ray, &RayInfo::default()))
     }
 
     /// Whether anything lies on a ray.
     pub fn is_occluded(&self, ray: &Ray, vertex: u32, sampler: &Sampler) -> bool {
         count_ray();
         if self.see_through {
-            let accept = |hit: &Hit| self.is_stopped(hit, vertex, sampler);
+            let accept = |hit: &Hit| self.is_stopped(hit, ray, vertex, sampler);
             self.accel.occluded_where(self.frame, ray, accept)
         } else {
             self.accel.occluded(self.frame, ray)
@@ -160,8 +161,8 @@ impl<'a> Tracer<'a> {
 
     /// Transparency by chance: a surface of opacity a stops a ray with probability a. The chance is
     /// the surface's own, so that the order in which the tree meets surfaces does not matter.
-    fn is_stopped(&self, hit: &Hit, vertex: u32, sampler: &Sampler) -> bool {
-        let opacity = surface::opacity(self.frame, hit);
+    fn is_stopped(&self, hit: &Hit, ray: &Ray, vertex: u32, sampler: &Sampler) -> bool {
+        let opacity = surface::opacity(self.frame, hit, ray, &RayInfo::default());
         if opacity >= 1.0 {
             return true;
         }

@@ -1,12 +1,14 @@
-//! What a ray finds at a hit: the triangle's geometry and its material's closures, textures looked
-//! up.
+//! What a ray finds at a hit: the triangle's geometry, and what its material's program makes of it.
 
-use glam::{Vec2, Vec3A};
+use std::f32::consts::TAU;
+
+use glam::{Quat, Vec2, Vec3A};
 
 use crate::accel::Hit;
 use crate::math::{Ray, offset_origin};
 use crate::sampling::{Bsdf, Principled};
-use crate::scene::{Closure, ClosureKind, Image, SceneFrame, interpolate};
+use crate::scene::{Facet, Material, SceneFrame};
+use crate::shader::{self, Closure, Point, RayInfo};
 
 /// A point on a surface, seen along a ray.
 pub struct Surface {
@@ -54,45 +56,6 @@ impl Surface {
 /// Reflectance of a surface without a material: Blender's default grey.
 const DEFAULT_COLOR: Vec3A = Vec3A::splat(0.8);
 
-/// The surface that `ray` meets at `hit`.
-pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray) -> Surface {
-    let barycentric = Vec2::new(hit.u, hit.v);
-    let instance = &frame.instances[hit.instance as usize];
-    let mesh = frame.mesh_of(hit.instance);
-    let corners = mesh.corners(hit.triangle);
-    // From the corners, not along the ray: the error then does not grow with the distance.
-    let position = instance
-        .world_from_object
-        .transform_point3a(interpolate(&corners, barycentric));
-    let wo = -ray.direction.normalize();
-    let edges = [corners[1] - corners[0], corners[2] - corners[0]];
-    let [one, other] = edges.map(|e| instance.world_from_object.transform_vector3a(e).abs());
-    let normal_object = edges[0].cross(edges[1]);
-    let outward = instance.world_from_normal * normal_object;
-    let is_front = outward.dot(wo) >= 0.0;
-    let geometric_normal = facing(outward.try_normalize().unwrap_or(wo), wo);
-    let corner_normals = mesh.corner_normals[hit.triangle as usize].map(Vec3A::from);
-    let shading = instance.world_from_normal * interpolate(&corner_normals, barycentric);
-    let shading = shading.try_normalize().unwrap_or(geometric_normal);
-    let normal = if shading.dot(geometric_normal) < 0.0 {
-        -shading
-    } else {
-        shading
-    };
-    let bsdf = Bsdf::new(geometric_normal, wo, is_front);
-    let (bsdf, emission) = shade(frame, hit, normal, bsdf);
-    Surface {
-        hit: *hit,
-        position,
-        geometric_normal,
-        normal,
-        bsdf,
-        emission,
-        distance: hit.t,
-        clearance: CLEARANCE * one.max(other).max_element(),
-    }
-}
-
 /// `normal`, turned to the side of `direction`.
 fn facing(normal: Vec3A, direction: Vec3A) -> Vec3A {
     if normal.dot(direction) < 0.0 {
@@ -102,112 +65,193 @@ fn facing(normal: Vec3A, direction: Vec3A) -> Vec3A {
     }
 }
 
+/// The surface that `ray` meets at `hit`.
+pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
+    let facet = Facet::new(frame, hit.instance, hit.triangle);
+    let point = point_of(&facet, hit, ray, info);
+    let [one, other] = point.edges.map(Vec3A::abs);
+    let bsdf = Bsdf::new(point.geometric_normal, point.incoming, !point.is_back);
+    let (bsdf, emission) = shade(frame, hit, &point, bsdf);
+    Surface {
+        hit: *hit,
+        position: point.position,
+        geometric_normal: point.geometric_normal,
+        normal: point.normal,
+        bsdf,
+        emission,
+        distance: hit.t,
+        clearance: CLEARANCE * one.max(other).max_element(),
+    }
+}
+
+fn point_of<'a>(facet: &'a Facet<'a>, hit: &Hit, ray: &Ray, info: &'a RayInfo) -> Point<'a> {
+    let ray_length = hit.t * ray.direction.length();
+    facet.point(Vec2::new(hit.u, hit.v), ray.direction, ray_length, info)
+}
+
 /// The closures' reflection and emission, given that the ray did not pass straight on.
-fn shade(frame: &SceneFrame, hit: &Hit, normal: Vec3A, mut bsdf: Bsdf) -> (Bsdf, Vec3A) {
+fn shade(frame: &SceneFrame, hit: &Hit, point: &Point, mut bsdf: Bsdf) -> (Bsdf, Vec3A) {
     let Some(material) = frame.material_of(hit.instance, hit.triangle) else {
-        bsdf.add_diffuse(Vec3A::ONE, DEFAULT_COLOR, normal, 0.0);
+        bsdf.add_diffuse(Vec3A::ONE, DEFAULT_COLOR, point.normal, 0.0);
         return (bsdf, Vec3A::ZERO);
     };
-    let textures = Textures::new(frame, hit);
     // A surface that stops a fraction of the rays, and is seen by those, reflects its weight over
     // that fraction.
-    let opacity = opacity(frame, hit);
+    let opacity = opacity_of(frame, material, point);
     let scale = if opacity > 0.0 { 1.0 / opacity } else { 0.0 };
     let mut emission = Vec3A::ZERO;
-    for closure in &material.closures {
-        let weight = closure.weight * textures.alpha(closure) * scale;
-        emission += closure.emission * weight;
-        let weight = Vec3A::splat(weight);
-        add_closure(&mut bsdf, closure, weight, normal, &textures);
-    }
+    material.surface.run(point, &frame.images, &mut |closure| {
+        emission += add_closure(&mut bsdf, &closure, scale, point);
+    });
     (bsdf, emission)
 }
 
-fn add_closure(
-    bsdf: &mut Bsdf,
-    closure: &Closure,
-    weight: Vec3A,
-    normal: Vec3A,
-    textures: &Textures,
-) {
-    match closure.kind {
-        ClosureKind::Principled => {
-            let principled = Principled {
-                base_color: textures.color(closure),
-                metallic: closure.metallic,
-                roughness: textures.roughness(closure),
-                ior: closure.ior,
-                specular_level: closure.specular,
-                ..Principled::new(normal)
-            };
-            bsdf.add_principled(weight, &principled);
+/// Adds what scatters; returns what shines.
+fn add_closure(bsdf: &mut Bsdf, closure: &Closure, scale: f32, point: &Point) -> Vec3A {
+    let scaled = |weight: f32| Vec3A::splat(weight * scale);
+    let bent = |normal: Vec3A| normal_at(point, normal);
+    match *closure {
+        Closure::Principled(p) => {
+            bsdf.add_principled(scaled(p.weight), &principled(&p, point));
         }
-        ClosureKind::Diffuse => {
-            bsdf.add_diffuse(weight, textures.color(closure), normal, 0.0);
+        Closure::Diffuse {
+            weight,
+            color,
+            roughness,
+            normal,
+        } => bsdf.add_diffuse(scaled(weight), color, bent(normal), roughness),
+        Closure::Glossy(glossy) => {
+            let normal = bent(glossy.normal);
+            let tangent = tangent_at(point, glossy.tangent);
+            let turn = Quat::from_axis_angle(normal.into(), TAU * glossy.rotation);
+            let grain = (glossy.anisotropy, turn * tangent);
+            let (weight, multiscatter) = (scaled(glossy.weight), glossy.is_multiscatter);
+            bsdf.add_glossy(
+                weight,
+                glossy.color,
+                normal,
+                glossy.roughness,
+                grain,
+                multiscatter,
+            );
         }
-        ClosureKind::Glossy => {
-            let (color, roughness) = (textures.color(closure), textures.roughness(closure));
-            bsdf.add_glossy(weight, color, normal, roughness, (0.0, Vec3A::ZERO), true);
+        Closure::Glass(glass) => {
+            let (weight, normal) = (scaled(glass.weight), bent(glass.normal));
+            let multiscatter = glass.is_multiscatter;
+            bsdf.add_glass(
+                weight,
+                glass.color,
+                normal,
+                glass.roughness,
+                glass.ior,
+                multiscatter,
+            );
         }
-        ClosureKind::Emission | ClosureKind::Transparent => {}
+        Closure::Refraction(glass) => {
+            let weight = scaled(glass.weight) * glass.color.max(Vec3A::ZERO);
+            bsdf.add_refraction(weight, bent(glass.normal), glass.roughness, glass.ior);
+        }
+        Closure::Translucent {
+            weight,
+            color,
+            normal,
+        } => bsdf.add_translucent(scaled(weight) * color.max(Vec3A::ZERO), bent(normal)),
+        Closure::Sheen {
+            weight,
+            color,
+            roughness,
+            normal,
+        } => {
+            bsdf.add_sheen(
+                scaled(weight) * color.max(Vec3A::ZERO),
+                bent(normal),
+                roughness,
+            );
+        }
+        Closure::Emission(radiance) => return radiance * scale,
+        Closure::Transparent(_) => {}
+    }
+    Vec3A::ZERO
+}
+
+/// What the node's inputs mean here. Emission is a closure of its own, which sheen and coat do not
+/// dim (in Cycles they do): light sampling could not know it.
+fn principled(p: &shader::Principled, point: &Point) -> Principled {
+    let normal = normal_at(point, p.normal);
+    Principled {
+        base_color: p.base_color,
+        metallic: p.metallic,
+        roughness: p.roughness,
+        diffuse_roughness: p.diffuse_roughness,
+        ior: p.ior,
+        specular_level: p.specular_ior_level,
+        specular_tint: p.specular_tint.max(Vec3A::ZERO),
+        anisotropic: p.anisotropic,
+        anisotropic_rotation: p.anisotropic_rotation,
+        tangent: tangent_at(point, p.tangent),
+        transmission: p.transmission_weight,
+        subsurface: p.subsurface_weight,
+        coat: p.coat_weight,
+        coat_roughness: p.coat_roughness,
+        coat_ior: p.coat_ior,
+        coat_tint: p.coat_tint,
+        coat_normal: normal_at(point, p.coat_normal),
+        sheen: p.sheen_weight,
+        sheen_roughness: p.sheen_roughness,
+        sheen_tint: p.sheen_tint,
+        normal,
+        is_multiscatter: p.is_multiscatter,
+    }
+}
+
+/// A closure's normal: the surface's own in the place of zero, else of unit length and lifted above
+/// the geometric surface.
+fn normal_at(point: &Point, normal: Vec3A) -> Vec3A {
+    /// Sine of the angle to which normals from below are lifted.
+    const GRAZING: f32 = 0.01;
+    let Some(normal) = normal.try_normalize() else {
+        return point.normal;
+    };
+    let height = normal.dot(point.geometric_normal);
+    if height >= GRAZING {
+        return normal;
+    }
+    let lifted = normal + (GRAZING - height) * point.geometric_normal;
+    lifted.normalize_or(point.normal)
+}
+
+/// A closure's tangent: in the place of zero an arbitrary one.
+fn tangent_at(point: &Point, tangent: Vec3A) -> Vec3A {
+    if tangent == Vec3A::ZERO {
+        point.normal.any_orthonormal_vector()
+    } else {
+        tangent
     }
 }
 
 /// The probability with which a surface stops a ray.
-pub fn opacity(frame: &SceneFrame, hit: &Hit) -> f32 {
+pub fn opacity(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> f32 {
     let Some(material) = frame.material_of(hit.instance, hit.triangle) else {
         return 1.0;
     };
     if !material.is_see_through() {
         return 1.0;
     }
-    let textures = Textures::new(frame, hit);
-    let passing = |c: &Closure| match c.kind {
-        // A tinted closure passes the share that its colour passes on average.
-        ClosureKind::Transparent => c.weight * textures.color(c).element_sum() / 3.0,
-        ClosureKind::Principled => c.weight * (1.0 - textures.alpha(c)),
-        _ => 0.0,
-    };
-    let passed: f32 = material.closures.iter().map(passing).sum();
-    (1.0 - passed).clamp(0.0, 1.0)
+    let facet = Facet::new(frame, hit.instance, hit.triangle);
+    opacity_of(frame, material, &point_of(&facet, hit, ray, info))
 }
 
-/// Looks up images at one point.
-struct Textures<'a> {
-    frame: &'a SceneFrame,
-    uv: Vec2,
-}
-
-impl<'a> Textures<'a> {
-    fn new(frame: &'a SceneFrame, hit: &Hit) -> Self {
-        let uv = frame.uv(hit.instance, hit.triangle, Vec2::new(hit.u, hit.v));
-        Self { frame, uv }
-    }
-
-    fn image(&self, index: Option<u32>) -> Option<&'a Image> {
-        index.map(|i| &*self.frame.images[i as usize])
-    }
-
-    fn color(&self, closure: &Closure) -> Vec3A {
-        let image = self.image(closure.color_image);
-        image.map_or(closure.color, |i| Vec3A::from_vec4(i.sample(self.uv)))
-    }
-
-    fn roughness(&self, closure: &Closure) -> f32 {
-        let image = self.image(closure.roughness_image);
-        let mean = |i: &Image| Vec3A::from_vec4(i.sample(self.uv)).element_sum() / 3.0;
-        image.map_or(closure.roughness, mean)
-    }
-
-    fn alpha(&self, closure: &Closure) -> f32 {
-        let image = self.image(closure.alpha_image);
-        let alpha = image.map_or(closure.alpha, |i| i.sample(self.uv).w);
-        if closure.kind == ClosureKind::Principled {
-            alpha.clamp(0.0, 1.0)
-        } else {
-            1.0
-        }
-    }
+fn opacity_of(frame: &SceneFrame, material: &Material, point: &Point) -> f32 {
+    let mut passed = Vec3A::ZERO;
+    material
+        .transparency
+        .run(point, &frame.images, &mut |closure| {
+            if let Closure::Transparent(share) = closure {
+                passed += share;
+            }
+        });
+    // A tinted closure passes the share that its colour passes on average.
+    (1.0 - passed.element_sum() / 3.0).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]
@@ -245,7 +289,7 @@ mod tests {
             let target = turned.transform_point3a(Vec3A::new(x, y, 0.0));
             let ray = Ray::new(eye, target - eye);
             let hit = accel.closest_hit(&frame, &ray).unwrap();
-            let surface = at(&frame, &hit, &ray);
+            let surface = at(&frame, &hit, &ray, &RayInfo::default());
             let [u, v] = spread(i + 7);
             let up = sample_cosine_hemisphere([v, u]).with_z(0.01 + 0.3 * u);
             let direction = turned.transform_vector3a(up).normalize();

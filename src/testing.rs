@@ -10,9 +10,10 @@ use crate::film::Region;
 use crate::progress::Progress;
 use crate::render::{Job, Rendered, render};
 use crate::scene::{
-    Camera, Closure, ClosureKind, Extension, Image, Instance, Interpolation, Lens, Light, Material,
-    Mesh, Projection, SceneFrame, World,
+    Camera, Extension, Image, Instance, Interpolation, Lens, Light, Material, Mesh, Projection,
+    SceneFrame, World,
 };
+use crate::shader::ObjectInfo;
 
 /// A scene under construction; see [`Scene::frame`].
 pub(crate) struct Scene {
@@ -46,6 +47,7 @@ impl Scene {
             world_from_object: placement,
             object_from_world,
             world_from_normal: object_from_world.matrix3.transpose(),
+            info: ObjectInfo::default(),
             materials: vec![self.materials.len() as u32],
         });
         self.meshes.push(Arc::new(mesh));
@@ -126,37 +128,22 @@ pub(crate) fn any_camera(
 
 /// A Lambertian material.
 pub(crate) fn diffuse(reflectance: f32) -> Material {
-    closure(ClosureKind::Diffuse, reflectance, 0.0, 0.0)
+    Material::of(&[("diffuse", &[("Weight", 1.0), ("Color", reflectance)])])
 }
 
 /// A rough mirror.
 pub(crate) fn glossy(reflectance: f32, roughness: f32) -> Material {
-    closure(ClosureKind::Glossy, reflectance, roughness, 0.0)
+    let inputs = [
+        ("Weight", 1.0),
+        ("Color", reflectance),
+        ("Roughness", roughness),
+    ];
+    Material::of(&[("glossy", &inputs)])
 }
 
 /// A surface that only shines.
 pub(crate) fn glowing(radiance: f32) -> Material {
-    closure(ClosureKind::Emission, 0.0, 0.0, radiance)
-}
-
-fn closure(kind: ClosureKind, color: f32, roughness: f32, emission: f32) -> Material {
-    let closure = Closure {
-        kind,
-        weight: 1.0,
-        color: Vec3A::splat(color),
-        color_image: None,
-        roughness,
-        roughness_image: None,
-        metallic: 0.0,
-        ior: 1.5,
-        specular: 0.5,
-        alpha: 1.0,
-        alpha_image: None,
-        emission: Vec3A::splat(emission),
-    };
-    Material {
-        closures: vec![closure],
-    }
+    Material::of(&[("emission", &[("Weight", 1.0), ("Color", radiance)])])
 }
 
 /// A mesh with flat normals.
@@ -177,6 +164,8 @@ pub(crate) fn mesh(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Mesh {
             &[count, 3, 2],
             Numbers::F32(&zeros[..count * 6]),
         ),
+        given("layer_keys", &[0], Numbers::U32(&[])),
+        given("layer_values", &[0, count, 3, 4], Numbers::F32(&[])),
         given("material_slots", &[count], Numbers::U32(&vec![0; count])),
     ])
     .unwrap()

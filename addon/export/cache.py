@@ -29,10 +29,8 @@ class CachedMesh:
     # The same for meshes that differ in texture coordinates only.
     form: bytes
     corner_uvs: np.ndarray
-    # Name of the layer in `corner_uvs`, empty without one.
-    uv_map: str
-    # Whether texture coordinates were asked for.
-    with_uvs: bool
+    # Layers that were asked for, by their names in `shader/layers.py`.
+    layers: frozenset[str]
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,6 @@ class CachedImage:
 
     handle: Any
     digest: bytes
-    mean: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)

@@ -12,15 +12,9 @@ import numpy as np
 from mathutils import Color
 
 from .cache import CachedImage, ExportCache
-from .nodes import LUMINANCE
 from .report import Warnings
 
 MAGENTA = (1.0, 0.0, 1.0, 1.0)
-BLACK = (0.0, 0.0, 0.0, 1.0)
-
-SINGLE_CHANNELS = {"RED": 0, "GREEN": 1, "BLUE": 2, "ALPHA": 3}
-
-EXTENSIONS = ("REPEAT", "EXTEND", "CLIP")
 
 # Linear spaces that Blender can convert: the method of mathutils.Color that does it.
 LINEAR_SPACES = {
@@ -41,8 +35,6 @@ class ImageUse:
     image: bpy.types.Image
     extension: str = "REPEAT"
     interpolation: str = "Linear"
-    # COLOR, or one number written to all four channels: GREY or one of SINGLE_CHANNELS.
-    channel: str = "COLOR"
     # Cycles multiplies colour by alpha unless the alpha of the node is used as well.
     multiply_alpha: bool = False
 
@@ -65,21 +57,14 @@ class ImageTable:
             self.used.append(self._load(use, key))
         return self._rows[key]
 
-    def mean(self, use: ImageUse) -> tuple[float, float, float, float]:
-        """Average RGBA, the stand-in where the renderer takes no texture yet."""
-        return self._load(use, _key(use)).mean
-
     def _load(self, use: ImageUse, key: tuple) -> CachedImage:
         _warn(use.image, self._warnings)
         if key not in self._cache.images:
             pixels = read_pixels(use, self._warnings)
             handle = self._core.Image(pixels, use.extension, use.interpolation)
-            if handle.replaced_texels:  # The mean is that of the texels as they are rendered.
-                pixels[~np.isfinite(pixels).all(axis=-1)] = BLACK
-            mean = tuple(float(x) for x in pixels.mean(axis=(0, 1), dtype=np.float64))
             digest = hashlib.blake2b(repr(key[1:3]).encode(), digest_size=16)
             digest.update(pixels)
-            self._cache.images[key] = CachedImage(handle, digest.digest(), mean)
+            self._cache.images[key] = CachedImage(handle, digest.digest())
             self._cache.statistics.images_built += 1
         image = self._cache.images[key]
         if count := image.handle.replaced_texels:
@@ -88,7 +73,7 @@ class ImageTable:
 
 
 def read_pixels(use: ImageUse, warnings: Warnings) -> np.ndarray:
-    """Pixels (H, W, 4) of the wanted channel; one magenta pixel if there are none."""
+    """Pixels (H, W, 4); one magenta pixel if there are none."""
     image = use.image
     width, height = image.size  # makes Blender load the file
     if width * height == 0:
@@ -97,10 +82,6 @@ def read_pixels(use: ImageUse, warnings: Warnings) -> np.ndarray:
     _read_rgba(image, pixels)
     _settle_alpha(image, pixels, use.multiply_alpha)
     _to_scene_linear(image, pixels, warnings)
-    if use.channel == "GREY":
-        pixels[:] = (pixels[..., :3] @ np.array(LUMINANCE, np.float32))[..., None]
-    elif use.channel != "COLOR":
-        pixels[:] = pixels[..., SINGLE_CHANNELS[use.channel], None].copy()
     return pixels
 
 
@@ -178,7 +159,6 @@ def _key(use: ImageUse) -> tuple:
         image.session_uid,
         use.extension,
         use.interpolation,
-        use.channel,
         use.multiply_alpha,
         path,
         stamp,

@@ -36,6 +36,9 @@ RAY_FLAGS = (
     ("visible_shadow", "shadow"),
 )
 
+# `random_id` of an instance counts up to this.
+RANDOM_IDS = 0xFFFFFFFF
+
 # Items between two looks at `should_stop`; ten thousand take about a tenth of a second.
 STOP_INTERVAL = 256
 
@@ -69,6 +72,8 @@ class InstanceTable:
     _keys: dict[int, None] = field(default_factory=dict)
     _placed: list[Shape] = field(default_factory=list)
     _matrices: array = field(default_factory=lambda: array("f"))
+    _colors: array = field(default_factory=lambda: array("f"))
+    _infos: array = field(default_factory=lambda: array("f"))
 
     def read(self) -> None:
         """Walk the evaluated scene once. Raises ExportStopped.
@@ -107,6 +112,8 @@ class InstanceTable:
             "instance_mesh": meshes[keep],
             "instance_key": keys[keep],
             "world_from_object": matrices[keep],
+            "instance_color": np.frombuffer(self._colors, np.float32).reshape(-1, 4)[keep],
+            "instance_info": np.frombuffer(self._infos, np.float32).reshape(-1, 2)[keep],
             "instance_slots": slots[keep],
             "slot_materials": np.array(self._slot_materials, np.uint32),
         }
@@ -117,6 +124,8 @@ class InstanceTable:
         matrix = item.matrix_world
         for row in range(3):
             self._matrices.extend(matrix[row])
+        self._colors.extend(owner.color)
+        self._infos.extend((owner.pass_index, item.random_id / RANDOM_IDS))
 
     def _key(self, item: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> int:
         """The same number in every frame and session: what it is, and how it came to be."""
@@ -155,9 +164,9 @@ class InstanceTable:
             return None
         self._check(owner)
         rows = self._material_rows(owner)
-        textured = any(self.materials.is_textured[row] for row in rows)
+        layers = frozenset[str]().union(*(self.materials.layers[row] for row in rows))
         try:
-            mesh = self._mesh(owner, textured)
+            mesh = self._mesh(owner, layers)
         except NotFinite:
             self.warnings.add(owner.name, "has vertices that are not numbers and is left out")
             return None
@@ -166,24 +175,29 @@ class InstanceTable:
         row = self._mesh_rows.setdefault(mesh.digest, len(self.meshes))
         if row == len(self.meshes):
             self.meshes.append(mesh)
-        return Shape(owner.name, row, self._slots(owner, mesh, rows))
+        return Shape(owner.name, row, self._slots(rows))
 
-    def _mesh(self, owner: bpy.types.Object, textured: bool) -> CachedMesh | None:
+    def _mesh(self, owner: bpy.types.Object, layers: frozenset[str]) -> CachedMesh | None:
         """The mesh of an evaluated object, read only if it may have changed."""
         entry = self.cache.evaluated(owner)
-        if entry is not None and (entry.mesh is None or entry.mesh.with_uvs >= textured):
+        if entry is not None and (entry.mesh is None or entry.mesh.layers >= layers):
             return entry.mesh
-        mesh = self._load_mesh(owner, textured)
+        mesh = self._load_mesh(owner, layers)
         self.cache.remember(owner, mesh)
         return mesh
 
-    def _load_mesh(self, owner: bpy.types.Object, textured: bool) -> CachedMesh | None:
+    def _load_mesh(
+        self, owner: bpy.types.Object, layers: frozenset[str]
+    ) -> CachedMesh | None:
+        def warn(message: str) -> None:
+            self.warnings.add(owner.name, message)
+
         # In edit mode the evaluated mesh has no attributes, only the edited BMesh behind it.
         if not owner.data.is_editmode:
-            return load_mesh(owner.data, self.cache, self.core, textured)
+            return load_mesh(owner.data, self.cache, self.core, layers, warn)
         try:
             mesh = owner.to_mesh()
-            return load_mesh(mesh, self.cache, self.core, textured) if mesh else None
+            return load_mesh(mesh, self.cache, self.core, layers, warn) if mesh else None
         finally:
             owner.to_mesh_clear()
 
@@ -193,13 +207,8 @@ class InstanceTable:
         materials = [override or slot.material for slot in owner.material_slots] or [override]
         return [self.materials.index(material) for material in materials]
 
-    def _slots(self, owner: bpy.types.Object, mesh: CachedMesh, rows: list[int]) -> tuple[int, int]:
+    def _slots(self, rows: list[int]) -> tuple[int, int]:
         """First entry and number of entries in `slot_materials`."""
-        for row in rows:
-            for name in sorted(self.materials.uv_maps[row] - {mesh.uv_map}):
-                self.warnings.add(
-                    owner.name, f"UV map '{name}' is not the active one, which is used"
-                )
         key = tuple(rows)
         if key not in self._slot_lists:
             self._slot_lists[key] = (len(self._slot_materials), len(rows))

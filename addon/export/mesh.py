@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,8 @@ import bpy
 import numpy as np
 
 from .cache import CachedMesh, ExportCache
+from .layer import read_layers
+from .shader.layers import ACTIVE_UV, layer_key
 
 
 class NotFinite(Exception):
@@ -26,12 +29,12 @@ class Faces:
     corner_uvs: np.ndarray  # (K, 2)
     face_starts: np.ndarray  # (F,) corner
     face_materials: np.ndarray  # (F,) slot
-    uv_map: str
+    layers: dict[str, np.ndarray]  # (K, 4) each, by name
 
     def digests(self) -> tuple[bytes, bytes]:
         """Hash of all but the texture coordinates, and of everything."""
-        content = hashlib.blake2b(self.uv_map.encode(), digest_size=16)
-        for array in vars(self).values():
+        content = hashlib.blake2b(repr(sorted(self.layers)).encode(), digest_size=16)
+        for array in (*vars(self).values(), *self.layers.values()):
             if isinstance(array, np.ndarray) and array is not self.corner_uvs:
                 content.update(str(array.shape).encode())
                 content.update(array)
@@ -41,38 +44,46 @@ class Faces:
 
 
 def load_mesh(
-    mesh: bpy.types.Mesh, cache: ExportCache, core: Any, with_uvs: bool
+    mesh: bpy.types.Mesh,
+    cache: ExportCache,
+    core: Any,
+    wanted: frozenset[str],
+    warn: Callable[[str], None],
 ) -> CachedMesh | None:
     """The renderer's mesh with the content of an evaluated mesh; None if it has no faces.
 
-    Triangles are read and handed over only if no earlier frame held the same content. Texture
-    coordinates are left out where no image asks for them: some modifiers, Bevel among them,
-    compute them with other last bits at each evaluation, and the mesh would never be the same
-    twice. Raises NotFinite.
+    Triangles are read and handed over only if no earlier frame held the same content. `wanted`
+    names the layers that materials read; one that is missing is told to `warn`. Texture coordinates
+    are left out where nobody asks for them: some modifiers, Bevel among them, compute them with
+    other last bits at each evaluation, and the mesh would never be the same twice.
+    Raises NotFinite.
     """
     if len(mesh.polygons) == 0:
         return None
-    faces = read_faces(mesh, with_uvs)
+    faces = read_faces(mesh, wanted, warn)
     cache.statistics.meshes_read += 1
     form, digest = faces.digests()
     cached = cache.meshes.get(digest) or cache.same_but_noise(form, faces.corner_uvs)
     if cached is None:
-        for array in (faces.positions, faces.corner_normals, faces.corner_uvs):
+        arrays = (faces.positions, faces.corner_normals, faces.corner_uvs)
+        for array in (*arrays, *faces.layers.values()):
             if not np.isfinite(array).all():
                 raise NotFinite
         handle = core.Mesh(**triangle_arrays(mesh, faces))
-        cached = CachedMesh(handle, digest, form, faces.corner_uvs, faces.uv_map, with_uvs)
+        cached = CachedMesh(handle, digest, form, faces.corner_uvs, wanted)
         cache.add(cached)
     return cached
 
 
-def read_faces(mesh: bpy.types.Mesh, with_uvs: bool) -> Faces:
+def read_faces(
+    mesh: bpy.types.Mesh, wanted: frozenset[str], warn: Callable[[str], None]
+) -> Faces:
     """Positions, corners and faces of an evaluated mesh."""
     corners = len(mesh.loops)
     attributes = mesh.attributes
     materials = attributes.get("material_index")
-    layers = mesh.uv_layers if with_uvs else ()
-    layer = next((layer for layer in layers if layer.active_render), None)
+    uv_maps = mesh.uv_layers if ACTIVE_UV in wanted else ()
+    uv_map = next((uv_map for uv_map in uv_maps if uv_map.active_render), None)
     face_count = len(mesh.polygons)
     starts = np.empty(face_count, np.int32)
     mesh.polygons.foreach_get("loop_start", starts)
@@ -85,11 +96,11 @@ def read_faces(mesh: bpy.types.Mesh, with_uvs: bool) -> Faces:
         corner_vertices=_read(attributes[".corner_vert"].data, "value", corners, 0),
         corner_normals=_read(mesh.corner_normals, "vector", corners, 3),
         corner_uvs=(
-            _read(layer.uv, "vector", corners, 2) if layer else np.zeros((corners, 2), np.float32)
+            _read(uv_map.uv, "vector", corners, 2) if uv_map else np.zeros((corners, 2), np.float32)
         ),
         face_starts=starts,
         face_materials=np.maximum(face_materials, 0),
-        uv_map=layer.name if layer else "",
+        layers=read_layers(mesh, wanted - {ACTIVE_UV}, warn),
     )
 
 
@@ -106,6 +117,10 @@ def triangle_arrays(mesh: bpy.types.Mesh, faces: Faces) -> dict[str, np.ndarray]
         "triangles": faces.corner_vertices[corners].astype(np.uint32),
         "corner_normals": faces.corner_normals[corners],
         "corner_uvs": faces.corner_uvs[corners],
+        "layer_keys": np.array([layer_key(name) for name in faces.layers], np.uint32),
+        "layer_values": np.array(
+            [values[corners] for values in faces.layers.values()], np.float32
+        ).reshape(-1, count, 3, 4),
         "material_slots": faces.face_materials[polygons].astype(np.uint32),
     }
 

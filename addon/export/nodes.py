@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 
@@ -14,6 +14,11 @@ MAX_LINKS = 256
 # Rec. 709 weights, which Cycles uses where a colour feeds a number.
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 
+
+class RecursiveGroup(Exception):
+    """A node group contains itself; the argument is its name."""
+
+
 CONSTANT_NODES = ("ShaderNodeRGB", "ShaderNodeValue")
 
 
@@ -22,6 +27,8 @@ class Constant:
     """A socket whose value the user typed: an input without a link, or an RGB or Value node."""
 
     socket: bpy.types.NodeSocket
+    # Types of the sockets of groups that the value passes on its way.
+    through: tuple[str, ...] = ()
 
     def color(self) -> Color:
         """The value as a colour; a number becomes a grey."""
@@ -44,6 +51,13 @@ class Source:
     node: bpy.types.Node
     output: bpy.types.NodeSocket
     groups: tuple[bpy.types.Node, ...]
+    # Types of the sockets of groups that the value passes on its way.
+    through: tuple[str, ...] = ()
+
+    def key(self) -> tuple:
+        """Tells this output from all others, groups in other places included."""
+        nodes = (node.as_pointer() for node in (self.node, *self.groups))
+        return (self.output.identifier, *nodes)
 
     @property
     def label(self) -> str:
@@ -62,16 +76,22 @@ class Input:
     groups: tuple[bpy.types.Node, ...] = ()
 
     def follow(self) -> Source | Constant:
-        """What this input gets its value from."""
+        """What this input gets its value from.
+
+        Raises RecursiveGroup where a group contains itself.
+        """
         here = self
+        through: list[str] = []
         for _ in range(MAX_LINKS):
             step = here._step()
             if step is None:
                 break
             if not isinstance(step, Input):
-                return step
+                return replace(step, through=tuple(reversed(through)))
+            if len(step.groups) != len(here.groups):
+                through.append(step.socket.type)
             here = step
-        return Constant(here.socket)
+        return Constant(here.socket, tuple(reversed(through)))
 
     def _step(self) -> Source | Constant | Input | None:
         """What the link leads to; None where nothing is linked."""
@@ -89,6 +109,8 @@ class Input:
         if node.bl_idname == "NodeGroupInput" and self.groups:
             return find_input(self.groups[-1], output.identifier, self.groups[:-1])
         if node.bl_idname == "ShaderNodeGroup":
+            if any(group.node_tree == node.node_tree for group in self.groups):
+                raise RecursiveGroup(node.node_tree.name)
             inside = _group_output(node)
             return inside and find_input(inside, output.identifier, (*self.groups, node))
         if node.bl_idname in CONSTANT_NODES:

@@ -5,7 +5,16 @@ spaces. A `Mesh` or `Image` is checked once and then shared by all frames that s
 `SceneFrame` is one frame of the animation; a `Render` works in the background and is polled.
 """
 
-from .dualcone import Image, Mesh, Render, SceneFrame, __version__, contract, window_frames
+from .dualcone import (
+    Image,
+    Mesh,
+    Render,
+    SceneFrame,
+    __version__,
+    contract,
+    operations,
+    window_frames,
+)
 
 __all__ = [
     "Image",
@@ -14,5 +23,6 @@ __all__ = [
     "SceneFrame",
     "__version__",
     "contract",
+    "operations",
     "window_frames",
 ]

@@ -81,6 +81,19 @@ class Result(TypedDict):
 def contract() -> Contract:
     """Return the tables of arrays, settings and passes."""
 
+class OperationRow(TypedDict):
+    """What an instruction of a material may do; `parameter` is none, modes, image, table or
+    attribute."""
+
+    name: str
+    inputs: list[str]
+    parameter: str
+    modes: list[list[str]]
+    is_closure: bool
+
+def operations() -> list[OperationRow]:
+    """Return what instructions of materials may do, in the order of their numbers."""
+
 def window_frames(settings: Mapping[str, Setting], targets: Sequence[int], step: int) -> list[int]:
     """Return every frame whose scene is needed to render `targets`, in ascending order."""
 
@@ -94,6 +107,8 @@ class Mesh:
         triangles: NDArray[np.uint32],
         corner_normals: NDArray[np.float32],
         corner_uvs: NDArray[np.float32],
+        layer_keys: NDArray[np.uint32],
+        layer_values: NDArray[np.float32],
         material_slots: NDArray[np.uint32],
     ) -> Mesh: ...
     @property
@@ -111,7 +126,7 @@ class Image:
     def __new__(
         cls,
         pixels: NDArray[np.float32],
-        extension: Literal["REPEAT", "EXTEND", "CLIP"] = "REPEAT",
+        extension: Literal["REPEAT", "EXTEND", "CLIP", "MIRROR"] = "REPEAT",
         interpolation: Literal["Linear", "Closest"] = "Linear",
     ) -> Image: ...
     @property
@@ -128,6 +143,8 @@ class SceneFrame:
         images: Sequence[Image],
         arrays: Mapping[str, NDArray[Any]],
     ) -> SceneFrame: ...
+    def closures(self, material: int, uv: tuple[float, float]) -> list[str]:
+        """Return what a material's program computes at a texture coordinate, printed."""
     @property
     def frame(self) -> int: ...
     @property

@@ -7,6 +7,7 @@ use crate::contract::{
     ArraySpec, FRAME, IMAGE, Kind, MESH, PASSES, SETTINGS, SettingSpec, Settings, Value,
 };
 use crate::reuse;
+use crate::shader::{OPERATIONS, Parameter};
 
 /// The boundary: arrays, settings and passes, as lists of dictionaries.
 #[pyfunction]
@@ -34,6 +35,29 @@ pub fn contract(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         PyList::new(py, passes.collect::<PyResult<Vec<_>>>()?)?,
     )?;
     Ok(table)
+}
+
+/// What instructions of materials may do, in the order of their numbers: name, inputs, parameter
+/// ("none", "modes", "image", "table" or "attribute"), lists of modes, and whether it is a closure.
+#[pyfunction]
+pub fn operations(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
+    let rows = OPERATIONS.iter().map(|operation| {
+        let row = PyDict::new(py);
+        row.set_item("name", operation.name)?;
+        row.set_item("inputs", operation.inputs.to_vec())?;
+        row.set_item("is_closure", operation.is_closure())?;
+        let (parameter, modes) = match operation.parameter {
+            Parameter::None => ("none", Vec::new()),
+            Parameter::Modes(lists) => ("modes", lists.iter().map(|list| list.to_vec()).collect()),
+            Parameter::Image => ("image", Vec::new()),
+            Parameter::Table => ("table", Vec::new()),
+            Parameter::Attribute => ("attribute", Vec::new()),
+        };
+        row.set_item("parameter", parameter)?;
+        row.set_item("modes", modes)?;
+        Ok(row)
+    });
+    PyList::new(py, rows.collect::<PyResult<Vec<_>>>()?)
 }
 
 fn array_row<'py>(py: Python<'py>, spec: &ArraySpec) -> PyResult<Bound<'py, PyDict>> {

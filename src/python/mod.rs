@@ -19,7 +19,7 @@ impl From<Error> for PyErr {
 #[pymodule]
 mod dualcone {
     #[pymodule_export]
-    use super::contract::{contract, window_frames};
+    use super::contract::{contract, operations, window_frames};
     #[pymodule_export]
     use super::render::Render;
     #[pymodule_export]

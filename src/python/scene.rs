@@ -23,6 +23,8 @@ impl Mesh {
         triangles: Bound<'_, PyAny>,
         corner_normals: Bound<'_, PyAny>,
         corner_uvs: Bound<'_, PyAny>,
+        layer_keys: Bound<'_, PyAny>,
+        layer_values: Bound<'_, PyAny>,
         material_slots: Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let arrays = [
@@ -30,6 +32,8 @@ impl Mesh {
             triangles,
             corner_normals,
             corner_uvs,
+            layer_keys,
+            layer_values,
             material_slots,
         ];
         let held = Held::of_list(MESH, &arrays)?;
@@ -69,7 +73,8 @@ impl Image {
             "REPEAT" => Extension::Repeat,
             "EXTEND" => Extension::Extend,
             "CLIP" => Extension::Clip,
-            other => return Err(unknown("extension", other, "REPEAT, EXTEND, CLIP")),
+            "MIRROR" => Extension::Mirror,
+            other => return Err(unknown("extension", other, "REPEAT, EXTEND, CLIP, MIRROR")),
         };
         let interpolation = match interpolation {
             "Linear" => Interpolation::Linear,
@@ -116,6 +121,15 @@ impl SceneFrame {
     #[getter]
     fn frame(&self) -> i32 {
         self.0.frame
+    }
+
+    /// The closures of a material as its program computes them at a texture coordinate of a square
+    /// that is seen from above: (kind, values) pairs, printed.
+    fn closures(&self, material: usize, uv: (f32, f32)) -> PyResult<Vec<String>> {
+        let material = self.0.materials.get(material);
+        let material =
+            material.ok_or_else(|| PyValueError::new_err("there is no such material"))?;
+        Ok(material.closures(&self.0.images, uv.into()))
     }
 
     /// Bytes held by its meshes and images.

@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A};
+use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
 use super::{
-    Camera, Closure, ClosureKind, Image, Lens, Light, LightKind, Material, Mesh, Panorama,
-    Projection, World,
+    Camera, Image, Lens, Light, LightKind, Material, Mesh, Panorama, Projection, World,
 };
 use crate::contract::{Arrays, FRAME, Given};
 use crate::error::{Error, Result};
+use crate::shader::{Instructions, ObjectInfo};
 
 /// A mesh, placed.
 #[derive(Debug, Clone)]
@@ -24,6 +24,8 @@ pub struct Instance {
     pub object_from_world: Affine3A,
     /// Inverse transpose of the placement's linear part, for normals.
     pub world_from_normal: Mat3A,
+    /// What the Object Info node tells of it.
+    pub info: ObjectInfo,
     /// Material of each slot: indices into [`SceneFrame::materials`].
     pub materials: Vec<u32>,
 }
@@ -208,6 +210,7 @@ fn instances(arrays: &Arrays, meshes: usize, materials: usize) -> Result<Vec<Ins
                 world_from_object,
                 object_from_world,
                 world_from_normal: object_from_world.matrix3.transpose(),
+                info: object_info(arrays, row),
                 materials: slot_materials[slots].to_vec(),
             })
         })
@@ -215,45 +218,32 @@ fn instances(arrays: &Arrays, meshes: usize, materials: usize) -> Result<Vec<Ins
 }
 
 fn materials(arrays: &Arrays, images: usize) -> Result<Vec<Material>> {
-    let kinds = arrays.u32s("closure_kind");
-    let closures = (0..kinds.len())
-        .map(|row| closure(arrays, row, images))
-        .collect::<Result<Vec<_>>>()?;
-    let rows = arrays.u32s("material_closures").as_chunks::<2>().0.iter();
-    rows.enumerate()
+    let rows = arrays.f32s("program_tables").as_chunks::<4>().0;
+    let instructions = Instructions {
+        instructions: arrays.u32s("program_instructions").as_chunks::<4>().0,
+        operands: arrays.u32s("program_operands"),
+        constants: arrays.f32s("program_constants").as_chunks::<3>().0,
+        tables: rows.iter().map(|&row| Vec4::from(row)).collect(),
+        images,
+    };
+    let count = instructions.instructions.len();
+    let spans = arrays.u32s("material_programs").as_chunks::<2>().0.iter();
+    spans
+        .enumerate()
         .map(|(row, &span)| {
-            let span = range("material_closures", row, span, closures.len(), "closures")?;
-            Ok(Material {
-                closures: closures[span].to_vec(),
-            })
+            let rows = range("material_programs", row, span, count, "instructions")?;
+            Ok(Material::new(&instructions.draft(rows)?))
         })
         .collect()
 }
 
-fn closure(arrays: &Arrays, row: usize, images: usize) -> Result<Closure> {
-    let number = arrays.u32s("closure_kind")[row];
-    let float = |name| arrays.f32s(name)[row];
-    let image = |name| optional_index(name, row, arrays.i32s(name)[row], images, "images");
-    Ok(Closure {
-        kind: ClosureKind::from_number(number).ok_or(Error::Index {
-            field: "closure_kind",
-            row,
-            index: i64::from(number),
-            len: 5,
-            of: "kinds of closure",
-        })?,
-        weight: float("closure_weight"),
-        color: color(arrays.f32s("closure_color"), row),
-        color_image: image("closure_color_image")?,
-        roughness: float("closure_roughness"),
-        roughness_image: image("closure_roughness_image")?,
-        metallic: float("closure_metallic"),
-        ior: float("closure_ior"),
-        specular: float("closure_specular"),
-        alpha: float("closure_alpha"),
-        alpha_image: image("closure_alpha_image")?,
-        emission: color(arrays.f32s("closure_emission"), row),
-    })
+fn object_info(arrays: &Arrays, row: usize) -> ObjectInfo {
+    let [index, random] = arrays.f32s("instance_info").as_chunks::<2>().0[row];
+    ObjectInfo {
+        color: arrays.f32s("instance_color").as_chunks::<4>().0[row].into(),
+        index,
+        random,
+    }
 }
 
 fn lights(arrays: &Arrays) -> Result<Vec<Light>> {

@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A, Vec4};
 
 use crate::contract::{Arrays, Given, MESH};
 use crate::error::{Error, Result};
@@ -18,6 +18,8 @@ pub struct Mesh {
     pub corner_normals: Vec<[Vec3; 3]>,
     /// Texture coordinates of each triangle's corners.
     pub corner_uvs: Vec<[Vec2; 3]>,
+    /// Further values of each triangle's corners, by the hash of their name.
+    pub layers: Vec<(u32, Vec<[Vec4; 3]>)>,
     /// Material slot of each triangle.
     pub material_slots: Vec<u32>,
     bvh: OnceLock<TriangleBvh>,
@@ -50,6 +52,7 @@ impl Mesh {
                 .iter()
                 .map(|c| [0, 2, 4].map(|i| Vec2::new(c[i], c[i + 1])))
                 .collect(),
+            layers: layers(&arrays, triangles.len()),
             material_slots: arrays.u32s("material_slots").to_vec(),
             vertices,
             triangles,
@@ -88,10 +91,23 @@ impl Mesh {
     pub fn memory_bytes(&self) -> usize {
         let per_triangle =
             size_of::<[u32; 3]>() + size_of::<[Vec3; 3]>() + size_of::<[Vec2; 3]>() + 4;
-        self.vertices.len() * size_of::<Vec3>()
+        let layers = self.layers.len() * self.triangles.len() * size_of::<[Vec4; 3]>();
+        layers
+            + self.vertices.len() * size_of::<Vec3>()
             + self.triangles.len() * per_triangle
             + self.bvh.get().map_or(0, TriangleBvh::memory_bytes)
     }
+}
+
+fn layers(arrays: &Arrays, triangles: usize) -> Vec<(u32, Vec<[Vec4; 3]>)> {
+    let corners = arrays.f32s("layer_values").as_chunks::<12>().0;
+    let keys = arrays.u32s("layer_keys").iter().enumerate();
+    let values = |layer: usize| corners[layer * triangles..(layer + 1) * triangles].iter();
+    keys.map(|(layer, &key)| {
+        let corner = |c: &[f32; 12]| [0, 4, 8].map(|i| Vec4::from_slice(&c[i..]));
+        (key, values(layer).map(corner).collect())
+    })
+    .collect()
 }
 
 fn vec3s(numbers: &[f32]) -> Vec<Vec3> {

@@ -2,19 +2,20 @@
 //! checks again.
 
 mod camera;
+mod facet;
 mod frame;
-mod image;
 mod light;
 mod material;
 mod mesh;
 mod window;
 pub mod world;
 
+pub use crate::image::{Extension, Image, Interpolation};
 pub use camera::{Camera, Lens, Panorama, Projection};
+pub use facet::Facet;
 pub use frame::{Instance, SceneFrame, interpolate};
-pub use image::{Extension, Image, Interpolation};
 pub use light::{Light, LightKind};
-pub use material::{Closure, ClosureKind, Material};
+pub use material::Material;
 pub use mesh::Mesh;
 pub use window::{FrameWindow, Motion};
 pub use world::World;

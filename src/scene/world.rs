@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{Mat3A, Vec2, Vec3A};
 
-use super::Image;
+use crate::image::Image;
 
 /// The surroundings of a frame.
 #[derive(Debug, Clone)]

@@ -15,6 +15,8 @@ import bpy
 import numpy as np
 from pxr import Usd, UsdGeom  # pyright: ignore[reportMissingImports]
 
+import dualcone
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 
 
@@ -49,6 +51,8 @@ class RecordedMesh:
     triangles: np.ndarray
     corner_normals: np.ndarray
     corner_uvs: np.ndarray
+    layer_keys: np.ndarray
+    layer_values: np.ndarray
     material_slots: np.ndarray
 
 
@@ -68,6 +72,7 @@ class RecordingCore:
 
     built: list[RecordedMesh] = field(default_factory=list)
     Image: type = RecordedImage
+    operations: Callable[[], Any] = dualcone.operations
 
     def Mesh(self, **arrays: np.ndarray) -> RecordedMesh:  # noqa: N802, the module's name for it
         self.built.append(RecordedMesh(**arrays))

@@ -17,6 +17,7 @@ import dualcone
 
 __version__ = dualcone.__version__
 contract = dualcone.contract
+operations = dualcone.operations
 
 
 @dataclass(init=False)

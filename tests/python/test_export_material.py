@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -9,8 +11,7 @@ import numpy as np
 import pytest
 from export_oracle import add_camera, add_material, add_mesh, add_object, export_now, scene
 
-PRINCIPLED, DIFFUSE, GLOSSY, EMISSION, TRANSPARENT = range(5)
-
+import dualcone
 
 @pytest.fixture(autouse=True)
 def camera() -> None:
@@ -34,17 +35,61 @@ def socket_of(made: Any, identifier: str) -> Any:
     return next(s for s in made.inputs if s.identifier.replace(" ", "_") == identifier)
 
 
-def closures_of(build: Any, name: str = "Wood") -> tuple[list[dict[str, Any]], list[str]]:
+NUMBER = r"-?[\d.]+(?:e-?\d+)?"
+
+
+@dataclass
+class Closure:
+    """What the renderer prints of a closure."""
+
+    kind: str
+    values: dict[str, Any]
+
+    @classmethod
+    def parse(cls, text: str) -> Closure:
+        """Read Rust's debug output: numbers, and vectors of three."""
+        values: dict[str, Any] = {}
+        vector = rf"Vec3A\(({NUMBER}), ({NUMBER}), ({NUMBER})\)"
+        for match in re.finditer(rf"(\w+): (?:{vector}|({NUMBER}))", text):
+            name, *xyz, number = match.groups()
+            values[name] = float(number) if number else [float(x) for x in xyz]
+        plain = re.fullmatch(rf"\w+\({vector}\)", text)
+        if plain:
+            values["color"] = [float(x) for x in plain.groups()]
+        return cls(re.split(r"\W", text, maxsplit=1)[0], values)
+
+    def __getitem__(self, name: str) -> Any:
+        return self.values[name]
+
+
+class Core:
+    """The renderer itself."""
+
+    Mesh, Image = dualcone.Mesh, dualcone.Image
+    operations = staticmethod(dualcone.operations)
+
+
+def computed(frame: Any, material: int, uv: tuple[float, float]) -> list[Closure]:
+    """The closures of a material at a texture coordinate."""
+    made = dualcone.SceneFrame(1, frame.meshes, frame.images, frame.arrays)
+    return [Closure.parse(text) for text in made.closures(material, uv)]
+
+
+def closures_of(
+    build: Any, name: str = "Wood", uv: tuple[float, float] = (0.25, 0.5)
+) -> tuple[list[Closure], list[str]]:
     """Export one object with the material that `build(tree)` makes: its closures and warnings."""
     owner = add_mesh()
     owner.data.materials.append(add_material(name, build))
-    frame = export_now()
-    arrays = frame.arrays
-    (material,) = arrays["slot_materials"]
-    first, count = arrays["material_closures"][material]
-    names = [key for key in arrays if key.startswith("closure_")]
-    rows = range(first, first + count)
-    return [{key[8:]: arrays[key][row].tolist() for key in names} for row in rows], frame.warnings
+    frame = export_now(core=Core())
+    (material,) = frame.arrays["slot_materials"]
+    return computed(frame, material, uv), frame.warnings
+
+
+def colors_of(frame: Any) -> list[list[float]]:
+    """The colour of the one closure of each material."""
+    count = len(frame.arrays["material_programs"])
+    return [computed(frame, row, (0.0, 0.0))[0]["color"] for row in range(count)]
 
 
 def diffuse(tree: Any, *color: float) -> Any:
@@ -66,23 +111,23 @@ def test_principled_reads_all_it_can() -> None:
             Emission_Strength=4.0,
         ).outputs[0]
 
-    (closure,), warnings = closures_of(build)
+    (closure, light, passing), warnings = closures_of(build)
     assert warnings == []
-    assert closure["kind"] == PRINCIPLED
-    assert closure["weight"] == 1.0
-    assert np.allclose(closure["color"], (0.1, 0.2, 0.3))
-    assert closure["emission"] == [2.0, 4.0, 1.0]
-    expected = {"metallic": 0.25, "roughness": 0.75, "ior": 1.25, "specular": 0.125, "alpha": 0.5}
+    assert closure.kind == "Principled"
+    assert np.allclose(closure["base_color"], (0.1, 0.2, 0.3))
+    expected = {"metallic": 0.25, "roughness": 0.75, "ior": 1.25, "specular_ior_level": 0.125}
     assert {key: closure[key] for key in expected} == expected
-    assert [closure[f"{key}_image"] for key in ("color", "roughness", "alpha")] == [-1, -1, -1]
+    assert closure["weight"] == 0.5
+    assert (light.kind, light["color"]) == ("Emission", [1.0, 2.0, 0.5])
+    assert (passing.kind, passing["color"]) == ("Transparent", [0.5, 0.5, 0.5])
 
 
 def test_the_simple_shaders() -> None:
     cases = {
-        DIFFUSE: ("ShaderNodeBsdfDiffuse", {"Color": (0.5, 0.25, 0, 1)}),
-        GLOSSY: ("ShaderNodeBsdfAnisotropic", {"Color": (0.5, 0.25, 0, 1), "Roughness": 0.25}),
-        EMISSION: ("ShaderNodeEmission", {"Color": (0.5, 0.25, 0, 1), "Strength": 2.0}),
-        TRANSPARENT: ("ShaderNodeBsdfTransparent", {"Color": (0.5, 0.25, 0, 1)}),
+        "Diffuse": ("ShaderNodeBsdfDiffuse", {"Color": (0.5, 0.25, 0, 1)}),
+        "Glossy": ("ShaderNodeBsdfAnisotropic", {"Color": (0.5, 0.25, 0, 1), "Roughness": 0.25}),
+        "Emission": ("ShaderNodeEmission", {"Color": (0.5, 0.25, 0, 1), "Strength": 2.0}),
+        "Transparent": ("ShaderNodeBsdfTransparent", {"Color": (0.5, 0.25, 0, 1)}),
     }
     for kind, (name, inputs) in cases.items():
         bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -91,11 +136,9 @@ def test_the_simple_shaders() -> None:
             lambda tree, name=name, inputs=inputs: node(tree, name, **inputs).outputs[0]
         )
         assert warnings == []
-        assert closure["kind"] == kind
-        color = [0.0, 0.0, 0.0] if kind == EMISSION else [0.5, 0.25, 0.0]
-        assert closure["color"] == color
-        assert closure["emission"] == ([1.0, 0.5, 0.0] if kind == EMISSION else [0.0] * 3)
-        assert kind != GLOSSY or closure["roughness"] == 0.25
+        assert closure.kind == kind
+        assert closure["color"] == ([1.0, 0.5, 0.0] if kind == "Emission" else [0.5, 0.25, 0.0])
+        assert kind != "Glossy" or closure["roughness"] == 0.25
 
 
 def test_weights_multiply_through_mix_and_add() -> None:
@@ -154,18 +197,14 @@ def test_links_are_followed_through_groups_reroutes_and_mutes() -> None:
 
     (closure,), warnings = closures_of(build)
     assert warnings == []
-    assert closure["kind"] == GLOSSY
+    assert closure.kind == "Glossy"
     assert closure["color"] == [0.25, 0.5, 1.0]
     assert closure["roughness"] == 0.125
 
 
 LEFT_OUT = [
-    ("Subsurface Weight", "Subsurface"),
-    ("Transmission Weight", "Transmission"),
-    ("Coat Weight", "Coat"),
-    ("Sheen Weight", "Sheen"),
-    ("Anisotropic", "Anisotropic"),
-    ("Thin Film Thickness", "Thin Film"),
+    ("Subsurface Weight", "Subsurface is not rendered yet (diffuse reflection is shown)"),
+    ("Thin Film Thickness", "Thin Film is not rendered yet"),
 ]
 
 
@@ -177,16 +216,15 @@ def test_what_principled_does_beyond_is_named_once(identifier: str, what: str) -
         return shader.outputs[0]
 
     _, warnings = closures_of(build, "Glass Panel")
-    assert warnings == [f"'Glass Panel': {what} is not rendered yet"]
+    assert warnings == [f"'Glass Panel': {what}"]
     twin = add_mesh("Twin")
     twin.data.materials.append(bpy.data.materials["Glass Panel"])
     assert export_now().warnings == warnings
 
 
-def test_normals_volumes_and_displacement_are_named() -> None:
+def test_volumes_and_displacement_are_named() -> None:
     def build(tree: Any) -> Any:
-        bump = node(tree, "ShaderNodeBump")
-        shader = node(tree, "ShaderNodeBsdfPrincipled", Normal=bump.outputs[0])
+        shader = node(tree, "ShaderNodeBsdfPrincipled")
         output = tree.nodes["Material Output"]
         for kind, name in (
             ("ShaderNodeVolumeScatter", "Volume"),
@@ -199,45 +237,47 @@ def test_normals_volumes_and_displacement_are_named() -> None:
     assert warnings == [
         "'Wood': Volume is not rendered yet",
         "'Wood': Displacement is not rendered yet",
-        "'Wood': Bump is not rendered yet",
     ]
 
 
-def test_textures_without_pixels_are_named_and_default() -> None:
+def test_nodes_of_unknown_type_are_named_and_default() -> None:
     def build(tree: Any) -> Any:
-        noise = node(tree, "ShaderNodeTexNoise")
-        return node(tree, "ShaderNodeBsdfPrincipled", Base_Color=noise.outputs["Color"]).outputs[0]
+        hair = node(tree, "ShaderNodeHairInfo")
+        return node(
+            tree, "ShaderNodeBsdfPrincipled", Base_Color=hair.outputs["Intercept"]
+        ).outputs[0]
 
     (closure,), warnings = closures_of(build)
-    assert np.allclose(closure["color"], 0.8)
+    assert np.allclose(closure["base_color"], 0.8)
     assert warnings == [
-        "'Wood': Noise Texture in Base Color is not rendered yet (its default value is used)"
+        "'Wood': Curves Info in Base Color is not rendered yet (its default value is used)"
     ]
 
 
 def test_an_unknown_shader_is_named_and_stands_in_as_diffuse() -> None:
     def build(tree: Any) -> Any:
-        return node(tree, "ShaderNodeBsdfGlass", Color=(1, 0.5, 0.25, 1)).outputs[0]
+        return node(tree, "ShaderNodeBsdfToon", Color=(1, 0.5, 0.25, 1)).outputs[0]
 
     (closure,), warnings = closures_of(build)
-    assert (closure["kind"], closure["color"]) == (DIFFUSE, [1.0, 0.5, 0.25])
-    assert warnings == ["'Wood': Glass BSDF is not rendered yet (a diffuse surface is shown)"]
+    assert (closure.kind, closure["color"]) == ("Diffuse", [1.0, 0.5, 0.25])
+    assert warnings == ["'Wood': Toon BSDF is not rendered yet (a diffuse surface is shown)"]
 
 
-def test_details_of_diffuse_and_glossy_are_named() -> None:
+def test_distributions_beyond_are_named() -> None:
     def build(tree: Any) -> Any:
-        rough = node(tree, "ShaderNodeBsdfDiffuse", Roughness=0.5)
         brushed = node(tree, "ShaderNodeBsdfAnisotropic", Anisotropy=0.5)
         brushed.distribution = "BECKMANN"
+        cloth = node(tree, "ShaderNodeBsdfSheen")
+        cloth.distribution = "ASHIKHMIN"
         return node(
-            tree, "ShaderNodeAddShader", Shader=rough.outputs[0], Shader_001=brushed.outputs[0]
+            tree, "ShaderNodeAddShader", Shader=brushed.outputs[0], Shader_001=cloth.outputs[0]
         ).outputs[0]
 
-    _, warnings = closures_of(build)
+    (glossy, _), warnings = closures_of(build)
+    assert glossy["anisotropy"] == 0.5
     assert warnings == [
-        "'Wood': Roughness of Diffuse BSDF is not rendered yet",
-        "'Wood': Anisotropy is not rendered yet",
         "'Wood': Beckmann distribution is not rendered yet (GGX is used)",
+        "'Wood': Ashikhmin distribution is not rendered yet (Microfiber is used)",
     ]
 
 
@@ -247,10 +287,11 @@ def test_no_material_and_no_surface() -> None:
     empty.data.materials.append(add_material("Black", lambda tree: diffuse(tree, 1, 1, 1)))
     tree = empty.data.materials[0].node_tree
     tree.links.clear()
-    arrays = export_now().arrays
-    assert arrays["material_closures"].tolist() == [[0, 1], [1, 0]]
-    assert arrays["closure_kind"].tolist() == [DIFFUSE]
-    assert np.allclose(arrays["closure_color"], 0.8)
+    frame = export_now(core=Core())
+    assert computed(frame, 1, (0.0, 0.0)) == []
+    (bare,) = computed(frame, 0, (0.0, 0.0))
+    assert bare.kind == "Diffuse"
+    assert np.allclose(bare["color"], 0.8)
 
 
 def test_slots_of_mesh_and_object() -> None:
@@ -264,14 +305,15 @@ def test_slots_of_mesh_and_object() -> None:
     twin.material_slots[0].link = "OBJECT"
     twin.material_slots[0].material = blue
     frame = export_now()
-    arrays = frame.arrays
     assert len(frame.meshes) == 1
     assert frame.meshes[0].material_slots.tolist() == [0, 0, 1]
-    colors = []
-    for first, count in arrays["instance_slots"]:
-        rows = arrays["material_closures"][arrays["slot_materials"][first : first + count], 0]
-        colors.append(np.round(arrays["closure_color"][rows], 3).tolist())
-    assert np.allclose(sorted(colors), [[[0, 0, 1], [0.8] * 3], [[1, 0, 0], [0.8] * 3]])
+    frame = export_now(core=Core())
+    colors, arrays = colors_of(frame), frame.arrays
+    found = [
+        [colors[row] for row in arrays["slot_materials"][first : first + count]]
+        for first, count in arrays["instance_slots"]
+    ]
+    assert np.allclose(sorted(found), [[[0, 0, 1], [0.8] * 3], [[1, 0, 0], [0.8] * 3]])
 
 
 def test_a_view_layers_material_override_wins() -> None:
@@ -279,7 +321,7 @@ def test_a_view_layers_material_override_wins() -> None:
     owner.data.materials.append(add_material("Red", lambda tree: diffuse(tree, 1, 0, 0)))
     layer = scene().view_layers[0]
     layer.material_override = add_material("Blue", lambda tree: diffuse(tree, 0, 0, 1))
-    assert export_now().arrays["closure_color"].tolist() == [[0.0, 0.0, 1.0]]
+    assert colors_of(export_now(core=Core())) == [[0.0, 0.0, 1.0]]
 
 
 def test_keyed_values_are_those_of_the_frame() -> None:
@@ -292,7 +334,7 @@ def test_keyed_values_are_those_of_the_frame() -> None:
         socket.keyframe_insert("default_value", frame=frame)
     for frame, value in ((1, 0.0), (5, 1.0)):
         scene().frame_set(frame)
-        assert export_now().arrays["closure_color"].tolist() == [[value] * 3]
+        assert colors_of(export_now(core=Core())) == [[value] * 3]
 
 
 @pytest.mark.skipif(bpy.app.version >= (5, 0, 0), reason="materials always use nodes from 5.0 on")
@@ -301,9 +343,7 @@ def test_a_material_without_nodes_shows_its_viewport_colour() -> None:
     material: Any = bpy.data.materials.new("Plain")
     material.diffuse_color = (0.25, 0.5, 1, 1)
     owner.data.materials.append(material)
-    arrays = export_now().arrays
-    assert arrays["closure_kind"].tolist() == [DIFFUSE]
-    assert arrays["closure_color"].tolist() == [[0.25, 0.5, 1.0]]
+    assert colors_of(export_now(core=Core())) == [[0.25, 0.5, 1.0]]
 
 
 def add_image(name: str = "Image") -> Any:
@@ -332,58 +372,54 @@ def test_images_of_colour_roughness_and_alpha() -> None:
             "ShaderNodeBsdfPrincipled",
             Base_Color=made.outputs["Color"],
             Roughness=separate.outputs[1],
-            Alpha=made.outputs["Alpha"],
-        ).outputs[0]
-
-    (closure,), warnings = closures_of(build)
-    assert warnings == []
-    images = export_now().images
-    assert closure["color_image"] == closure["alpha_image"]
-    color, roughness = images[closure["color_image"]], images[closure["roughness_image"]]
-    assert (color.extension, color.interpolation) == ("CLIP", "Closest")
-    assert color.pixels.tolist() == [[[1.0, 0.5, 0.25, 0.5], [0.0, 0.5, 0.75, 1.0]]]
-    assert roughness.pixels.tolist() == [[[0.5] * 4, [0.5] * 4]]
-
-
-def test_an_image_where_only_a_number_is_taken_is_averaged() -> None:
-    image = add_image()
-
-    def build(tree: Any) -> Any:
-        made = texture(tree, image)
-        separate = node(tree, "ShaderNodeSeparateColor", Color=made.outputs["Color"])
-        return node(
-            tree,
-            "ShaderNodeBsdfPrincipled",
             Metallic=separate.outputs[2],
             Emission_Color=made.outputs["Color"],
             Emission_Strength=2.0,
+            Alpha=made.outputs["Alpha"],
         ).outputs[0]
 
-    (closure,), warnings = closures_of(build)
-    assert closure["metallic"] == 0.5
-    assert closure["emission"] == [1.0, 1.0, 1.0]
-    assert warnings == [
-        "'Wood': Separate Color in Metallic is not rendered yet (its average is used)",
-        "'Wood': Image Texture in Emission Color is not rendered yet (its average is used)",
-    ]
+    (closure, light, passing), warnings = closures_of(build)
+    assert warnings == []
+    assert len(export_now().images) == 1
+    assert closure["base_color"] == [1.0, 0.5, 0.25]
+    assert (closure["roughness"], closure["metallic"]) == (0.5, 0.25)
+    assert closure["weight"] == 0.5
+    assert light["color"] == [1.0, 0.5, 0.25]
+    assert passing["color"] == [0.5] * 3
 
 
-def test_texture_coordinates_beyond_the_active_uv_map_are_named() -> None:
+def test_texture_details_beyond_are_named() -> None:
     image = add_image()
 
     def build(tree: Any) -> Any:
-        mapping = node(tree, "ShaderNodeMapping")
         made = texture(tree, image, projection="BOX", extension="MIRROR", interpolation="Cubic")
-        tree.links.new(mapping.outputs[0], made.inputs[0])
         return node(tree, "ShaderNodeBsdfDiffuse", Color=made.outputs["Color"]).outputs[0]
 
     _, warnings = closures_of(build)
     assert warnings == [
-        "'Wood': Box projection of 'Image' is not rendered yet",
-        "'Wood': Mirror extension of 'Image' is not rendered yet",
-        "'Wood': Cubic interpolation of 'Image' is not rendered yet (Linear is used)",
-        "'Wood': Mapping of 'Image' is not rendered yet (the active UV map is used)",
+        "'Wood': Cubic interpolation of 'Image' is not rendered yet (Linear is used)"
     ]
+
+
+def test_a_group_that_contains_itself_is_named() -> None:
+    """Blender refuses to make one, files may hold one: the walk is tested without a file."""
+    tree: Any = bpy.data.node_groups.new("Loop", "ShaderNodeTree")
+    tree.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    group = tree.nodes.new("ShaderNodeGroup")
+    group.node_tree = tree
+    if group.node_tree is None:
+        pytest.skip("this version of Blender does not let groups contain themselves")
+    inside = tree.nodes.new("NodeGroupOutput")
+    tree.links.new(group.outputs[0], inside.inputs[0])
+
+    def build(material: Any) -> Any:
+        instance = material.nodes.new("ShaderNodeGroup")
+        instance.node_tree = tree
+        return instance.outputs[0]
+
+    closures, warnings = closures_of(build)
+    assert closures == []
+    assert warnings == ["'Wood': the node group 'Loop' contains itself, it is shown in black"]
 
 
 @pytest.mark.parametrize("name", ["", "Active", "Other"])
@@ -400,5 +436,6 @@ def test_a_uv_map_by_name(name: str) -> None:
     owner.data.uv_layers.new(name="Other")
     owner.data.uv_layers.new(name="Active").active_render = True
     owner.data.materials.append(add_material("Wood", build))
-    expected = ["'Mesh': UV map 'Other' is not the active one, which is used"]
-    assert export_now().warnings == (expected if name == "Other" else [])
+    frame = export_now()
+    assert frame.warnings == []
+    assert len(frame.meshes[0].layer_keys) == (1 if name else 0)

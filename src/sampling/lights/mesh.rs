@@ -9,68 +9,45 @@ use super::{Emitter, LightClass, LightSample, Receiver};
 use crate::math::luminance;
 use crate::math::warp::sample_triangle;
 use crate::sampling::discrete::Discrete;
-use crate::scene::{Closure, ClosureKind, Image, SceneFrame};
+use crate::scene::{self, Camera, Image, Instance, Material, Mesh, SceneFrame};
+use crate::shader::{Closure, Point, Program, RayInfo};
 
-/// Light of one closure: its radiance, and the image whose alpha lets some of it through unlit.
-#[derive(Debug, Clone)]
-struct Glow {
-    radiance: Vec3A,
-    alpha: Option<Arc<Image>>,
-}
-
-impl Glow {
-    fn of(closure: &Closure, images: &[Arc<Image>]) -> Option<Self> {
-        let alpha = match closure.kind {
-            ClosureKind::Principled => closure.alpha.clamp(0.0, 1.0),
-            ClosureKind::Emission => 1.0,
-            _ => return None,
-        };
-        let image = closure
-            .alpha_image
-            .filter(|_| closure.kind == ClosureKind::Principled);
-        let factor = closure.weight * if image.is_some() { 1.0 } else { alpha };
-        let radiance = factor * closure.emission.max(Vec3A::ZERO);
-        (radiance.max_element() > 0.0).then(|| Self {
-            radiance,
-            alpha: image.map(|i| images[i as usize].clone()),
-        })
-    }
-
-    fn at(&self, uv: Vec2) -> Vec3A {
-        let alpha = |image: &Arc<Image>| image.sample(uv).w.clamp(0.0, 1.0);
-        self.radiance * self.alpha.as_ref().map_or(1.0, alpha)
+/// The light of a program: where the ray that arrives has a direction, what leaves against it.
+fn glow_of(emission: &Program, point: &Point, images: &[Arc<Image>]) -> Vec3A {
+    let mut radiance = Vec3A::ZERO;
+    emission.run(point, images, &mut |closure| {
+        if let Closure::Emission(light) = closure {
+            radiance += light;
+        }
+    });
+    if radiance.is_finite() {
+        radiance
+    } else {
+        Vec3A::ZERO
     }
 }
 
-/// Radiance that leaves a point of a surface on its own, to either side.
+/// Radiance that leaves a point of a surface on its own, against a ray of this direction.
 pub fn emitted_radiance(
     frame: &SceneFrame,
     instance: u32,
     triangle: u32,
     barycentric: Vec2,
+    direction: Vec3A,
 ) -> Vec3A {
     let Some(material) = frame.material_of(instance, triangle) else {
         return Vec3A::ZERO;
     };
-    let uv = || frame.uv(instance, triangle, barycentric);
-    let glows = material.closures.iter();
-    glows
-        .filter_map(|closure| Glow::of(closure, &frame.images))
-        .map(|glow| {
-            glow.at(if glow.alpha.is_some() {
-                uv()
-            } else {
-                Vec2::ZERO
-            })
-        })
-        .sum()
+    let facet = scene::Facet::new(frame, instance, triangle);
+    let ray = RayInfo::default();
+    let point = facet.point(barycentric, direction, direction.length(), &ray);
+    glow_of(&material.emission, &point, &frame.images)
 }
 
 #[derive(Debug)]
 struct Facet {
     triangle: u32,
     corners: [Vec3A; 3],
-    uvs: [Vec2; 3],
     /// Index into [`MeshLight::glows`].
     glow: u32,
 }
@@ -83,12 +60,66 @@ impl Facet {
     }
 }
 
-#[derive(Debug)]
+/// How a material shines.
+enum Glow {
+    Dark,
+    /// The same everywhere.
+    Uniform(Vec3A),
+    /// As its nodes compute.
+    Nodes(Program),
+}
+
+impl Glow {
+    fn of(material: &Material) -> Self {
+        if !material.is_emissive() {
+            return Glow::Dark;
+        }
+        if !material.emission.is_uniform() {
+            return Glow::Nodes(material.emission.clone());
+        }
+        let radiance = glow_of(&material.emission, &Point::nowhere(), &[]);
+        if radiance == Vec3A::ZERO {
+            Glow::Dark
+        } else {
+            Glow::Uniform(radiance)
+        }
+    }
+}
+
+/// What nodes read, where some material shines as they compute.
+struct Shading {
+    images: Vec<Arc<Image>>,
+    camera: Camera,
+    instance: Instance,
+    mesh: Arc<Mesh>,
+}
+
+impl Shading {
+    fn of(frame: &SceneFrame, instance: u32) -> Self {
+        let placed = &frame.instances[instance as usize];
+        Self {
+            images: frame.images.clone(),
+            camera: frame.camera,
+            instance: placed.clone(),
+            mesh: frame.meshes[placed.mesh as usize].clone(),
+        }
+    }
+
+    fn radiance(&self, nodes: &Program, triangle: u32, at: Vec2, direction: Vec3A) -> Vec3A {
+        let facet = scene::Facet::of(&self.camera, &self.instance, &self.mesh, triangle);
+        let ray = RayInfo::default();
+        let point = facet.point(at, direction, direction.length(), &ray);
+        glow_of(nodes, &point, &self.images)
+    }
+}
+
 pub(super) struct MeshLight {
     facets: Vec<Facet>,
     choice: Discrete,
-    /// Glowing closures by material slot.
-    glows: Vec<Vec<Glow>>,
+    /// By material slot.
+    glows: Vec<Glow>,
+    /// Where some of them are computed by nodes.
+    shading: Option<Shading>,
     center: Vec3A,
     radius: f32,
     power: f32,
@@ -97,22 +128,17 @@ pub(super) struct MeshLight {
 impl MeshLight {
     /// The light of an instance; `None` if no triangle of it glows.
     pub(super) fn new(frame: &SceneFrame, instance: u32) -> Option<Self> {
-        let placed = &frame.instances[instance as usize];
-        let glows: Vec<Vec<Glow>> = placed
-            .materials
-            .iter()
-            .map(|&material| {
-                let closures = frame.materials[material as usize].closures.iter();
-                closures
-                    .filter_map(|c| Glow::of(c, &frame.images))
-                    .collect()
-            })
+        let materials = frame.instances[instance as usize].materials.iter();
+        let glows: Vec<Glow> = materials
+            .map(|&material| Glow::of(&frame.materials[material as usize]))
             .collect();
-        if glows.iter().all(Vec::is_empty) {
+        if glows.iter().all(|glow| matches!(glow, Glow::Dark)) {
             return None;
         }
+        let has_nodes = glows.iter().any(|glow| matches!(glow, Glow::Nodes(_)));
+        let shading = has_nodes.then(|| Shading::of(frame, instance));
         let facets = facets(frame, instance, &glows);
-        let powers: Vec<f32> = facets.iter().map(|f| power(f, &glows)).collect();
+        let powers = powers(&facets, &glows, shading.as_ref());
         let choice = Discrete::new(powers.iter().copied())?;
         let corners = || facets.iter().flat_map(|f| f.corners);
         let low = corners().fold(Vec3A::INFINITY, Vec3A::min);
@@ -124,7 +150,18 @@ impl MeshLight {
             power: powers.iter().sum(),
             facets,
             glows,
+            shading,
         })
+    }
+
+    fn radiance(&self, facet: &Facet, barycentric: Vec2, direction: Vec3A) -> Vec3A {
+        match (&self.glows[facet.glow as usize], &self.shading) {
+            (Glow::Uniform(radiance), _) => *radiance,
+            (Glow::Nodes(nodes), Some(shading)) => {
+                shading.radiance(nodes, facet.triangle, barycentric, direction)
+            }
+            _ => Vec3A::ZERO,
+        }
     }
 
     fn pdf_of_facet(&self, index: usize, offset: Vec3A) -> f32 {
@@ -136,29 +173,64 @@ impl MeshLight {
     }
 }
 
-fn facets(frame: &SceneFrame, instance: u32, glows: &[Vec<Glow>]) -> Vec<Facet> {
+fn facets(frame: &SceneFrame, instance: u32, glows: &[Glow]) -> Vec<Facet> {
     let placed = &frame.instances[instance as usize];
     let mesh = frame.mesh_of(instance);
     let slots = mesh.material_slots.iter().enumerate();
     slots
         .map(|(triangle, &slot)| (triangle as u32, (slot as usize).min(glows.len() - 1)))
-        .filter(|&(_, slot)| !glows[slot].is_empty())
+        .filter(|&(_, slot)| !matches!(glows[slot], Glow::Dark))
         .map(|(triangle, slot)| Facet {
             triangle,
             corners: mesh
                 .corners(triangle)
                 .map(|corner| placed.world_from_object.transform_point3a(corner)),
-            uvs: mesh.corner_uvs[triangle as usize],
             glow: slot as u32,
         })
         .collect()
 }
 
-/// Power of a triangle to both sides, its alpha image left out.
-fn power(facet: &Facet, glows: &[Vec<Glow>]) -> f32 {
-    let radiance: Vec3A = glows[facet.glow as usize].iter().map(|g| g.radiance).sum();
-    let power = TAU * luminance(radiance) * facet.area_normal().length();
-    if power.is_finite() { power } else { 0.0 }
+/// Where a triangle's light is looked at to guess its power: its middle and towards its corners.
+const PROBES: [Vec2; 4] = [
+    Vec2::new(1.0 / 3.0, 1.0 / 3.0),
+    Vec2::new(1.0 / 6.0, 1.0 / 6.0),
+    Vec2::new(2.0 / 3.0, 1.0 / 6.0),
+    Vec2::new(1.0 / 6.0, 2.0 / 3.0),
+];
+
+/// A triangle whose probes are dark may shine between them: it is taken for this share of the mean.
+const LEAST_RADIANCE: f32 = 0.05;
+
+/// Power of each triangle to both sides, never zero: nodes may make any point of it shine.
+fn powers(facets: &[Facet], glows: &[Glow], shading: Option<&Shading>) -> Vec<f32> {
+    let probed = |facet: &Facet, nodes: &Program, shading: &Shading| {
+        let direction = -facet.area_normal();
+        let at = |probe: Vec2| luminance(shading.radiance(nodes, facet.triangle, probe, direction));
+        PROBES.map(at).iter().sum::<f32>() / PROBES.len() as f32
+    };
+    let radiances: Vec<f32> = facets
+        .iter()
+        .map(|facet| match (&glows[facet.glow as usize], shading) {
+            (Glow::Nodes(nodes), Some(shading)) => probed(facet, nodes, shading),
+            (Glow::Uniform(radiance), _) => luminance(*radiance),
+            _ => 0.0,
+        })
+        .collect();
+    let mean = radiances.iter().sum::<f32>() / radiances.len().max(1) as f32;
+    let least = if mean > 0.0 {
+        LEAST_RADIANCE * mean
+    } else {
+        1.0
+    };
+    let power = |(facet, radiance): (&Facet, &f32)| {
+        let radiance = match glows[facet.glow as usize] {
+            Glow::Nodes(_) => radiance.max(least),
+            _ => *radiance,
+        };
+        let power = TAU * radiance * facet.area_normal().length();
+        if power.is_finite() { power } else { 0.0 }
+    };
+    facets.iter().zip(&radiances).map(power).collect()
 }
 
 impl Emitter for MeshLight {
@@ -182,13 +254,8 @@ impl Emitter for MeshLight {
         let weights = [1.0 - b.x - b.y, b.x, b.y];
         let mix = |k: usize| weights[k] * facet.corners[k];
         let offset = mix(0) + mix(1) + mix(2) - receiver.point;
-        let uv = |k: usize| weights[k] * facet.uvs[k];
-        let uv = uv(0) + uv(1) + uv(2);
         let distance = offset.length();
-        let radiance: Vec3A = self.glows[facet.glow as usize]
-            .iter()
-            .map(|g| g.at(uv))
-            .sum();
+        let radiance = self.radiance(facet, Vec2::new(b.x, b.y), offset);
         let pdf_solid_angle = self.pdf_of_facet(index, offset);
         (pdf_solid_angle > 0.0 && distance > 0.0).then(|| LightSample {
             direction: offset / distance,

@@ -5,7 +5,8 @@ use glam::{Affine3A, EulerRot, Mat3A, Quat, Vec2, Vec3};
 use super::*;
 use crate::contract::{Given, Numbers};
 use crate::math::statistics::{DirectionTest, MAX_SCORE, Random, chi_square_score};
-use crate::scene::{Closure, ClosureKind, Instance, Material, Mesh};
+use crate::scene::{Instance, Material, Mesh};
+use crate::shader::ObjectInfo;
 
 fn plain_world(radiance: f32) -> World {
     World {
@@ -80,25 +81,12 @@ fn glowing_square() -> SceneFrame {
         given("triangles", &[3, 3], Numbers::U32(&triangles)),
         given("corner_normals", &[3, 3, 3], Numbers::F32(&[0.0; 27])),
         given("corner_uvs", &[3, 3, 2], Numbers::F32(&[0.0; 18])),
+        given("layer_keys", &[0], Numbers::U32(&[])),
+        given("layer_values", &[0, 3, 3, 4], Numbers::F32(&[])),
         given("material_slots", &[3], Numbers::U32(&[1, 0, 7])),
     ]);
-    let closure = |emission| Closure {
-        kind: ClosureKind::Emission,
-        weight: 0.5,
-        color: Vec3A::ZERO,
-        color_image: None,
-        roughness: 0.5,
-        roughness_image: None,
-        metallic: 0.0,
-        ior: 1.5,
-        specular: 0.5,
-        alpha: 1.0,
-        alpha_image: None,
-        emission,
-    };
-    let material = |emission| Material {
-        closures: vec![closure(emission)],
-    };
+    let material =
+        |radiance| Material::of(&[("emission", &[("Weight", 0.5), ("Color", radiance)])]);
     let scale = Vec3::new(0.5, 1.0, 1.0);
     let placement =
         Affine3A::from_scale_rotation_translation(scale, Quat::IDENTITY, Vec3::new(0.0, 0.0, 2.0));
@@ -109,11 +97,12 @@ fn glowing_square() -> SceneFrame {
         world_from_object: placement,
         object_from_world: inverse,
         world_from_normal: inverse.matrix3.transpose(),
+        info: ObjectInfo::default(),
         materials: vec![0, 1],
     };
     let mut frame = frame_of(vec![], plain_world(0.0));
     frame.meshes = vec![Arc::new(mesh.unwrap())];
-    frame.materials = vec![material(Vec3A::ZERO), material(Vec3A::splat(10.0))];
+    frame.materials = vec![material(0.0), material(10.0)];
     frame.instances = vec![instance];
     frame
 }
@@ -261,11 +250,11 @@ fn glowing_triangles_shine_to_both_sides() {
     let (mean, sigma) = irradiance(&lights, Vec3A::new(0.0, 0.0, 4.0), -Vec3A::Z, Strategy::One);
     assert!((mean - expected).abs() < 5.0 * sigma);
     assert_eq!(
-        emitted_radiance(&frame, 0, 0, Vec2::splat(0.2)),
+        emitted_radiance(&frame, 0, 0, Vec2::splat(0.2), -Vec3A::Z),
         Vec3A::splat(5.0)
     );
     assert_eq!(
-        emitted_radiance(&frame, 0, 1, Vec2::splat(0.2)),
+        emitted_radiance(&frame, 0, 1, Vec2::splat(0.2), -Vec3A::Z),
         Vec3A::ZERO
     );
 }

@@ -11,6 +11,7 @@ use glam::{Affine3A, Mat4, Vec2, Vec3A};
 
 use crate::error::{Error, Result};
 use crate::math::Ray;
+use crate::shader::View;
 pub use lens::Lens;
 pub use panorama::Panorama;
 
@@ -216,6 +217,16 @@ fn range(field: &'static str, value: String, range: &str) -> Error {
         field,
         value,
         range: range.into(),
+    }
+}
+
+impl View for Camera {
+    fn camera_from_world(&self) -> Affine3A {
+        self.camera_from_world
+    }
+
+    fn project(&self, point: Vec3A) -> Option<Vec2> {
+        Camera::project(self, point)
     }
 }
 

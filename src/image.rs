@@ -14,6 +14,8 @@ pub enum Extension {
     Extend,
     /// Nothing: transparent black.
     Clip,
+    /// The image again, every other time reversed.
+    Mirror,
 }
 
 /// What lies between texels.
@@ -142,10 +144,17 @@ impl Image {
             _ if inside => (x, y),
             Extension::Repeat => (x.rem_euclid(width), y.rem_euclid(height)),
             Extension::Extend => (x.clamp(0, width - 1), y.clamp(0, height - 1)),
+            Extension::Mirror => (mirrored(x, width), mirrored(y, height)),
             Extension::Clip => return Vec4::ZERO,
         };
         self.texel(x as usize, y as usize)
     }
+}
+
+/// The texel that a walk along the axis meets when it turns round at the borders.
+fn mirrored(x: i64, size: i64) -> i64 {
+    let x = x.rem_euclid(2 * size);
+    x.min(2 * size - 1 - x)
 }
 
 #[cfg(test)]
@@ -185,6 +194,12 @@ mod tests {
         assert_eq!(linear.sample(Vec2::new(-4.0, 9.0)).x, 0.0);
         let repeat = image(Extension::Repeat, Interpolation::Closest);
         assert_eq!(repeat.sample(Vec2::new(-0.5, 0.5)).x, 1.0);
+        let mirror = image(Extension::Mirror, Interpolation::Closest);
+        let red = |x: f32| mirror.sample(Vec2::new(x, 0.5)).x;
+        assert_eq!(
+            [-0.5, -0.1, 1.5, 1.9, 2.5].map(red),
+            [1.0, 0.0, 1.0, 0.0, 1.0]
+        );
         let clip = image(Extension::Clip, Interpolation::Closest);
         assert_eq!(clip.sample(Vec2::new(1.2, 0.5)), Vec4::ZERO);
     }

@@ -1,0 +1,154 @@
+"""Layers of a mesh that materials ask for: values at the corners of its faces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import bpy
+import numpy as np
+
+# How many numbers each type of attribute holds, and the property that reads them.
+ATTRIBUTE_TYPES = {
+    "FLOAT": (1, "value"),
+    "INT": (1, "value"),
+    "INT8": (1, "value"),
+    "BOOLEAN": (1, "value"),
+    "FLOAT2": (2, "vector"),
+    "FLOAT_VECTOR": (3, "vector"),
+    "FLOAT_COLOR": (4, "color"),
+    "BYTE_COLOR": (4, "color"),
+    "QUATERNION": (4, "value"),
+}
+
+
+def read_layers(
+    mesh: bpy.types.Mesh, wanted: frozenset[str], warn: Callable[[str], None]
+) -> dict[str, np.ndarray]:
+    """Values (corners, 4) of each layer by its name in `shader/layers.py`.
+
+    One that the mesh does not have is told to `warn` and left out: programs read zero.
+    """
+    layers = {}
+    for layer in sorted(wanted):
+        kind, _, name = layer.partition(":")
+        values = READERS[kind](mesh, name)
+        if values is not None:
+            layers[layer] = values
+        elif name:
+            warn(f"there is no {KINDS[kind]} '{name}', zero is used")
+    return layers
+
+
+def _uv(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
+    layer = mesh.uv_layers.get(name)
+    return None if layer is None else _padded(_read(layer.uv, "vector", 2))
+
+
+def _attribute(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
+    attribute = mesh.attributes.get(name)
+    if attribute is None or attribute.data_type not in ATTRIBUTE_TYPES:
+        return None
+    width, field = ATTRIBUTE_TYPES[attribute.data_type]
+    values = _read(attribute.data, field, width)
+    if width == 1:
+        values = np.repeat(values, 3, axis=1)
+    corners = _corner_elements(mesh, attribute.domain)
+    return None if corners is None else _padded(values)[corners]
+
+
+def _color(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
+    """A colour attribute; without a name the one that is marked for rendering."""
+    colors = mesh.color_attributes
+    if not name:
+        row = colors.render_color_index
+        name = colors[row].name if 0 <= row < len(colors) else ""
+    return _attribute(mesh, name)
+
+
+def _generated(mesh: bpy.types.Mesh, _: str) -> np.ndarray:
+    """From 0 to 1 within the texture space of the mesh before it is deformed."""
+    positions = _read(mesh.vertices, "undeformed_co", 3)
+    size = np.array(mesh.texspace_size, np.float32)
+    scale = np.divide(0.5, size, out=np.zeros_like(size), where=size != 0.0)
+    generated = (positions - np.array(mesh.texspace_location, np.float32)) * scale + 0.5
+    return _padded(generated)[_corner_elements(mesh, "POINT")]
+
+
+def _tangent(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
+    """Tangents along a UV map (MikkTSpace, as Blender bakes with), and the bitangents' sign."""
+    layers = mesh.uv_layers
+    layer = layers.get(name) if name else next((m for m in layers if m.active_render), None)
+    if layer is None:
+        return None
+    values = np.empty((len(mesh.loops), 4), np.float32)
+    try:
+        mesh.calc_tangents(uvmap=layer.name)
+        values[:, :3] = _read(mesh.loops, "tangent", 3)
+        values[:, 3:] = _read(mesh.loops, "bitangent_sign", 1)
+        mesh.free_tangents()
+    except RuntimeError:  # Blender takes triangles and quads only.
+        return _tangent_of_polygons(mesh, _read(layer.uv, "vector", 2))
+    return values
+
+
+def _tangent_of_polygons(mesh: bpy.types.Mesh, uvs: np.ndarray) -> np.ndarray:
+    """One tangent per triangle, where Blender computes none: from how the map lies on it."""
+    mesh.calc_loop_triangles()
+    corners = _read(mesh.loop_triangles, "loops", 3, np.int32)
+    points = _read(mesh.vertices, "co", 3)[_corner_elements(mesh, "POINT")][corners]
+    edges = points[:, 1:] - points[:, :1]
+    (u1, v1), (u2, v2) = np.moveaxis(uvs[corners][:, 1:] - uvs[corners][:, :1], 0, -1)
+    tangents = edges[:, 0] * v2[:, None] - edges[:, 1] * v1[:, None]
+    determinant = u1 * v2 - u2 * v1
+    sign = np.where(determinant < 0.0, -1.0, 1.0)
+    tangents *= sign[:, None]
+    tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-30)
+    values = np.zeros((len(mesh.loops), 4), np.float32)
+    values[corners] = np.concatenate([tangents, sign[:, None]], axis=1)[:, None]
+    return values
+
+
+def _corner_elements(mesh: bpy.types.Mesh, domain: str) -> Any:
+    """Which element of a domain each corner reads; None for domains that corners do not have."""
+    if domain == "CORNER":
+        return slice(None)
+    if domain == "POINT":
+        return _read(mesh.attributes[".corner_vert"].data, "value", 1, np.int32)[:, 0]
+    if domain == "FACE":
+        totals = _read(mesh.polygons, "loop_total", 1, np.int32)[:, 0]
+        return np.repeat(np.arange(len(totals)), totals)
+    return None
+
+
+def _padded(values: np.ndarray) -> np.ndarray:
+    """Four columns: zeros after the given ones, and an alpha of one."""
+    padded = np.zeros((len(values), 4), np.float32)
+    padded[:, 3] = 1.0
+    padded[:, : values.shape[1]] = values
+    return padded
+
+
+def _read(collection: Any, name: str, width: int, dtype: type = np.float32) -> np.ndarray:
+    """One property of all elements as (count, width)."""
+    values = np.empty((len(collection), width), dtype)
+    collection.foreach_get(name, values.reshape(-1))
+    return values
+
+
+Reader = Callable[[bpy.types.Mesh, str], np.ndarray | None]
+
+READERS: dict[str, Reader] = {
+    "uv": _uv,
+    "attribute": _attribute,
+    "color": _color,
+    "generated": _generated,
+    "tangent": _tangent,
+}
+
+KINDS = {
+    "uv": "UV map",
+    "attribute": "attribute",
+    "color": "colour attribute",
+    "tangent": "UV map",
+}

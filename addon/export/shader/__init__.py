@@ -1,0 +1,8 @@
+"""Compiles node graphs to the renderer's programs; see `src/shader/` for what runs them."""
+
+from .closures import compile_surface
+from .compiler import Compiler
+from .layers import ACTIVE_UV, layer_key
+from .program import Operations, Programs
+
+__all__ = ["ACTIVE_UV", "Compiler", "Operations", "Programs", "compile_surface", "layer_key"]

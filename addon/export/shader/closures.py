@@ -1,0 +1,125 @@
+"""Shaders as weighted closures: one small function per shader node, in a table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..nodes import Source
+from .compiler import ONE, ZERO, Compiler
+from .program import Operand
+
+# Blender's reflectance where nothing is known.
+DEFAULT_SURFACE = (0.8, 0.8, 0.8)
+
+
+def compile_surface(compiler: Compiler, shader: Source | None) -> None:
+    """Write the closures of the shader linked to a material's output."""
+    if shader is not None:
+        _shader(compiler, shader, ONE)
+
+
+def diffuse_surface(compiler: Compiler, color: Operand, weight: Operand = ONE) -> None:
+    """Write a diffuse closure, the stand-in where there is nothing better."""
+    compiler.emit("diffuse", weight, color, ZERO, ZERO)
+
+
+def _shader(compiler: Compiler, source: Source, weight: Operand) -> None:
+    compile_shader = SHADERS.get(source.node.bl_idname)
+    if compile_shader is not None:
+        compile_shader(compiler, source, weight)
+        return
+    compiler.missing(source.label, "a diffuse surface is shown")
+    has_color = source.input("Color") is not None
+    color = compiler.input(source, "Color") if has_color else DEFAULT_SURFACE
+    diffuse_surface(compiler, color, weight)
+
+
+def _linked_shader(compiler: Compiler, source: Source, identifier: str, weight: Operand) -> None:
+    """The closures linked to a shader's input; an unlinked one is black."""
+    socket = source.input(identifier)
+    end = socket and socket.follow()
+    if isinstance(end, Source) and weight != ZERO:
+        _shader(compiler, end, weight)
+
+
+def _closure(compiler: Compiler, source: Source, name: str, weight: Operand) -> None:
+    """The closure `name` with the node's inputs, and what its distribution says."""
+    operation = compiler.operations[name]
+    operands = (compiler.input(source, identifier) for identifier in operation.inputs[1:])
+    keeps_all = getattr(source.node, "distribution", "") == "MULTI_GGX"
+    parameter = int(keeps_all) if operation.modes else 0
+    compiler.emit(name, weight, *operands, parameter=parameter)
+
+
+def closure(name: str) -> Shader:
+    """A node that is one closure."""
+
+    def compile_closure(compiler: Compiler, source: Source, weight: Operand) -> None:
+        distribution = getattr(source.node, "distribution", "GGX")
+        if distribution not in ("GGX", "MULTI_GGX", "MICROFIBER"):
+            instead = "Microfiber" if name == "sheen" else "GGX"
+            what = distribution.replace("_", "-").title()
+            compiler.missing(f"{what} distribution", f"{instead} is used")
+        compiler.missing_unless(source, "Thin Film Thickness", 0.0, "Thin Film")
+        _closure(compiler, source, name, weight)
+
+    return compile_closure
+
+
+def principled(compiler: Compiler, source: Source, weight: Operand) -> None:
+    """Reflection, light and transparency of a Principled BSDF."""
+    compiler.missing_unless(source, "Thin Film Thickness", 0.0, "Thin Film")
+    what = ("Subsurface", "diffuse reflection is shown")
+    compiler.missing_unless(source, "Subsurface Weight", 0.0, *what)
+    alpha = compiler.saturated(compiler.input(source, "Alpha"))
+    opaque = compiler.times(weight, alpha)
+    _closure(compiler, source, "principled", opaque)
+    _emission(compiler, source, "Emission Color", "Emission Strength", opaque)
+    if alpha != ONE:
+        compiler.emit("transparent", compiler.times(weight, compiler.rest(alpha)), ONE)
+
+
+def emission(compiler: Compiler, source: Source, weight: Operand) -> None:
+    """Emission."""
+    _emission(compiler, source, "Color", "Strength", weight)
+
+
+def mix(compiler: Compiler, source: Source, weight: Operand) -> None:
+    """Mix Shader."""
+    factor = compiler.saturated(compiler.input(source, "Fac"))
+    first = compiler.times(weight, compiler.rest(factor))
+    _linked_shader(compiler, source, "Shader", first)
+    _linked_shader(compiler, source, "Shader_001", compiler.times(weight, factor))
+
+
+def add(compiler: Compiler, source: Source, weight: Operand) -> None:
+    """Add Shader."""
+    _linked_shader(compiler, source, "Shader", weight)
+    _linked_shader(compiler, source, "Shader_001", weight)
+
+
+def _emission(
+    compiler: Compiler, source: Source, color: str, strength: str, weight: Operand
+) -> None:
+    """Light; with a strength of zero nobody asks for its colour."""
+    factor = compiler.input(source, strength)
+    if factor != ZERO:
+        radiance = compiler.times(compiler.input(source, color), factor)
+        compiler.emit("emission", weight, radiance)
+
+
+Shader = Callable[[Compiler, Source, Operand], None]
+
+SHADERS: dict[str, Shader] = {
+    "ShaderNodeAddShader": add,
+    "ShaderNodeBsdfAnisotropic": closure("glossy"),  # the id of Glossy since 4.0
+    "ShaderNodeBsdfDiffuse": closure("diffuse"),
+    "ShaderNodeBsdfGlass": closure("glass"),
+    "ShaderNodeBsdfPrincipled": principled,
+    "ShaderNodeBsdfRefraction": closure("refraction"),
+    "ShaderNodeBsdfSheen": closure("sheen"),
+    "ShaderNodeBsdfTranslucent": closure("translucent"),
+    "ShaderNodeBsdfTransparent": closure("transparent"),
+    "ShaderNodeEmission": emission,
+    "ShaderNodeMixShader": mix,
+}

@@ -1,0 +1,223 @@
+"""Walks the nodes that reach a material's output and writes what they compute."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import bpy
+
+from ..nodes import LUMINANCE, Color, Constant, Source
+from ..report import Warnings
+from .layers import ACTIVE_UV, GENERATED, layer_key
+from .program import Operand, Operations, Programs, Value
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ..image import ImageTable
+
+ZERO: Color = (0.0, 0.0, 0.0)
+ONE: Color = (1.0, 1.0, 1.0)
+
+# What the types of sockets hold.
+NUMBER, COLOR, VECTOR = "number", "color", "vector"
+KINDS = {"VALUE": NUMBER, "INT": NUMBER, "BOOLEAN": NUMBER, "RGBA": COLOR}
+
+
+def kind_of(socket_type: str) -> str:
+    """What a socket of this type holds."""
+    return KINDS.get(socket_type, VECTOR)
+
+
+class Compiler:
+    """Writes the program of one material. Whatever the renderer leaves out becomes a warning."""
+
+    def __init__(
+        self,
+        name: str,
+        material_index: int,
+        operations: Operations,
+        programs: Programs,
+        images: ImageTable,
+        warnings: Warnings,
+    ) -> None:
+        self.name = name
+        self.material_index = material_index
+        self.operations = operations
+        self.programs = programs
+        self.images = images
+        self.warnings = warnings
+        # What the program reads from meshes.
+        self.layers: set[str] = set()
+        # Where the nodes at hand are evaluated: at the point itself, or at a neighbour for bumps.
+        self._point = 0
+        self._start = programs.count()
+        self._values: dict[tuple, Operand] = {}
+        self._under_way: set[tuple] = set()
+
+    def finish(self) -> None:
+        """End the program."""
+        self.programs.spans.append((self._start, self.programs.count() - self._start))
+
+    def emit(self, name: str, *operands: Operand, parameter: int = 0) -> Value:
+        """Write an instruction and return its value."""
+        value = Value(self.programs.count() - self._start)
+        self.programs.add(self.operations[name], operands, parameter, self._point)
+        return value
+
+    def emit_with_modes(
+        self, source: Source, name: str, operands: Sequence[Operand], modes: Sequence[str]
+    ) -> Operand:
+        """Write an instruction that has modes; zero with a warning if they are not to be had."""
+        parameter = self.operations[name].parameter(modes)
+        if parameter is None:
+            unknown = [
+                mode
+                for mode, known in zip(modes, self.operations[name].modes, strict=True)
+                if mode not in known
+            ]
+            self.missing(f"{', '.join(unknown)} of {source.label}", "zero is used")
+            return ZERO
+        return self.emit(name, *operands, parameter=parameter)
+
+    def input(self, source: Source, identifier: str) -> Operand:
+        """The value of an input, converted to what its socket holds.
+
+        Where a node type is unknown it is the value in the input's own field, with a warning.
+        """
+        socket = source.input(identifier)
+        if socket is None:
+            return ZERO
+        end = socket.follow()
+        kind = kind_of(socket.socket.type)
+        if isinstance(end, Constant):
+            implicit = self._implicit(source, end)
+            return self._constant(end, kind) if implicit is None else implicit
+        value = self.output(end)
+        if value is None:
+            name = socket.socket.name
+            self.missing(f"{end.label} in {name}", "its default value is used")
+            return self._constant(Constant(socket.socket), kind)
+        return self._passed(value, kind_of(end.output.type), (*end.through, kind))
+
+    def output(self, source: Source) -> Operand | None:
+        """The value of a node's output; None if the type of the node is unknown."""
+        from .nodes import NODES
+
+        compile_node = NODES.get(source.node.bl_idname)
+        if compile_node is None:
+            return None
+        key = (*source.key(), self._point)
+        if key in self._under_way:
+            self.missing(f"a circle of links through {source.label}", "zero is used")
+            return ZERO
+        if key not in self._values:
+            self._under_way.add(key)
+            self._values[key] = compile_node(self, source)
+            self._under_way.discard(key)
+        return self._values[key]
+
+    def layer(self, name: str, operation: str = "attribute") -> Value:
+        """The value of a layer of the mesh."""
+        self.layers.add(name)
+        return self.emit(operation, parameter=layer_key(name))
+
+    def uv(self, name: str = "") -> Value:
+        """A texture coordinate; without a name that of the active UV map."""
+        return self.layer(ACTIVE_UV + name)
+
+    def generated(self) -> Value:
+        """The coordinate in the bounds of the undeformed mesh."""
+        return self.layer(GENERATED)
+
+    @contextmanager
+    def at(self, point: int) -> Iterator[None]:
+        """Evaluate nodes at a neighbour of the point."""
+        before, self._point = self._point, point
+        try:
+            yield
+        finally:
+            self._point = before
+
+    def times(self, first: Operand, second: Operand) -> Operand:
+        """The product. What is zero is not computed, so that nobody looks up its textures."""
+        if ZERO in (first, second):
+            return ZERO
+        if first == ONE:
+            return second
+        if second == ONE:
+            return first
+        if not isinstance(first, Value) and not isinstance(second, Value):
+            return (first[0] * second[0], first[1] * second[1], first[2] * second[2])
+        return self.emit("multiply", first, second)
+
+    def saturated(self, operand: Operand) -> Operand:
+        """Held between zero and one."""
+        if isinstance(operand, Value):
+            return self.emit("saturate", operand)
+        red, green, blue = (min(max(x, 0.0), 1.0) for x in operand)
+        return (red, green, blue)
+
+    def rest(self, operand: Operand) -> Operand:
+        """What is missing to one."""
+        if isinstance(operand, Value):
+            return self.emit("one_minus", operand)
+        return (1.0 - operand[0], 1.0 - operand[1], 1.0 - operand[2])
+
+    def give_up(self, reason: str) -> None:
+        """Warn, and show a black surface: what was written so far may be half of something."""
+        self.warnings.add(self.name, f"{reason}, it is shown in black")
+        self._start = self.programs.count()
+
+    def missing(self, what: str, instead: str = "") -> None:
+        """Warn that `what` is left out, and say what is shown in its place."""
+        suffix = f" ({instead})" if instead else ""
+        self.warnings.add(self.name, f"{what} is not rendered yet{suffix}")
+
+    def missing_unless(
+        self, node: Source, identifier: str, neutral: float, what: str, instead: str = ""
+    ) -> None:
+        """Warn if an input holds anything but the value at which it does nothing."""
+        socket = node.input(identifier)
+        if socket is None:
+            return
+        end = socket.follow()
+        if isinstance(end, Source) or any(value != neutral for value in end.color()):
+            self.missing(what, instead)
+
+    def _implicit(self, source: Source, end: Constant) -> Operand | None:
+        """What an input without a link and without a field stands for."""
+        socket = end.socket
+        if not socket.hide_value or socket.is_output or not _is_shader_node(socket.node):
+            return None
+        if not source.node.bl_idname.startswith("ShaderNodeTex"):
+            return None
+        flat = source.node.bl_idname == "ShaderNodeTexImage"
+        return self.uv() if flat else self.generated()
+
+    def _constant(self, constant: Constant, kind: str) -> Operand:
+        value = constant.color()
+        return self._passed(value, kind_of(constant.socket.type), (*constant.through, kind))
+
+    def _passed(self, value: Operand, kind: str, through: Sequence[str]) -> Operand:
+        """The value after the sockets that it passes: numbers keep no colour."""
+        for following in through:
+            following_kind = following if following in (NUMBER, COLOR, VECTOR) else kind_of(following)
+            if following_kind == NUMBER and kind != NUMBER:
+                value = self._number(value, kind)
+            kind = following_kind
+        return value
+
+    def _number(self, value: Operand, kind: str) -> Operand:
+        if isinstance(value, Value):
+            return self.emit("luminance" if kind == COLOR else "average", value)
+        weights = LUMINANCE if kind == COLOR else (1 / 3, 1 / 3, 1 / 3)
+        number = sum(w * x for w, x in zip(weights, value, strict=True))
+        return (number, number, number)
+
+
+def _is_shader_node(node: bpy.types.Node) -> bool:
+    """Whether the node computes something: inputs of groups have the value of their field."""
+    return not isinstance(node, bpy.types.NodeGroup)

@@ -1,0 +1,19 @@
+"""Names of the values that a mesh keeps at its corners, as nodes ask for them.
+
+A layer's name tells what it is: `uv:NAME`, `attribute:NAME`, `tangent:NAME` (along a UV map),
+`color:NAME` or `generated`. An empty NAME is the one that the mesh marks for rendering.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+ACTIVE_UV = "uv:"
+GENERATED = "generated"
+
+
+def layer_key(layer: str) -> int:
+    """Number by which programs and meshes name a layer; the active UV map is always there."""
+    if layer == ACTIVE_UV:
+        return 0
+    return int.from_bytes(hashlib.blake2b(layer.encode(), digest_size=4).digest(), "little")

@@ -1,0 +1,117 @@
+"""The programs of a frame, instruction by instruction, as the arrays of the contract."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..nodes import Color
+
+# Operands from here on name constants.
+FIRST_CONSTANT = 1 << 31
+
+# Rows of a ramp or curve.
+TABLE_SIZE = 256
+
+
+@dataclass(frozen=True)
+class Value:
+    """What an earlier instruction of the same program computed."""
+
+    index: int
+
+
+# A constant stands for itself; a number fills all three places.
+Operand = Value | Color
+
+
+@dataclass(frozen=True)
+class Operation:
+    """What an instruction may do; see `dualcone.operations()`."""
+
+    number: int
+    name: str
+    inputs: tuple[str, ...]
+    modes: tuple[tuple[str, ...], ...]
+    is_closure: bool
+
+    def parameter(self, modes: Sequence[str]) -> int | None:
+        """Number that stands for one choice of each list; None if one is not to be had."""
+        number, radix = 0, 1
+        for choices, choice in zip(self.modes, modes, strict=True):
+            if choice not in choices:
+                return None
+            number += radix * choices.index(choice)
+            radix *= len(choices)
+        return number
+
+
+class Operations:
+    """The renderer's table of operations, by name."""
+
+    def __init__(self, core: Any) -> None:
+        self._rows = {
+            row["name"]: Operation(
+                number,
+                row["name"],
+                tuple(row["inputs"]),
+                tuple(tuple(choices) for choices in row["modes"]),
+                row["is_closure"],
+            )
+            for number, row in enumerate(core.operations())
+        }
+
+    def __getitem__(self, name: str) -> Operation:
+        return self._rows[name]
+
+
+@dataclass
+class Programs:
+    """The programs of all materials of a frame, one after the other."""
+
+    spans: list[tuple[int, int]] = field(default_factory=list)
+    _instructions: array[int] = field(default_factory=lambda: array("I"))
+    _operands: array[int] = field(default_factory=lambda: array("I"))
+    _constants: dict[Color, int] = field(default_factory=dict)
+    _tables: dict[bytes, int] = field(default_factory=dict)
+
+    def count(self) -> int:
+        """How many instructions there are."""
+        return len(self._instructions) // 4
+
+    def add(
+        self, operation: Operation, operands: Sequence[Operand], parameter: int, point: int
+    ) -> None:
+        """Append an instruction to the last program."""
+        start = len(self._operands)
+        self._instructions.extend((operation.number, start, parameter, point))
+        self._operands.extend(self._number(operand) for operand in operands)
+
+    def table(self, rows: np.ndarray) -> int:
+        """First row of a table of (TABLE_SIZE, 4) numbers."""
+        content = np.ascontiguousarray(rows, np.float32).tobytes()
+        return self._tables.setdefault(content, len(self._tables) * TABLE_SIZE)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The `material_programs` and `program_*` arrays of the contract."""
+        tables = np.frombuffer(b"".join(self._tables), np.float32)
+        return {
+            "material_programs": np.array(self.spans, np.uint32).reshape(-1, 2),
+            "program_instructions": np.array(self._instructions, np.uint32).reshape(-1, 4),
+            "program_operands": np.array(self._operands, np.uint32),
+            "program_constants": np.array(list(self._constants), np.float32).reshape(-1, 3),
+            "program_tables": tables.reshape(-1, 4),
+        }
+
+    def _number(self, operand: Operand) -> int:
+        if isinstance(operand, Value):
+            return operand.index
+        finite = tuple(x if abs(x) <= FLOAT_MAX else 0.0 for x in operand)
+        return FIRST_CONSTANT + self._constants.setdefault(finite, len(self._constants))
+
+
+FLOAT_MAX = float(np.finfo(np.float32).max)

@@ -1,0 +1,101 @@
+//! What a program ends in: the ways in which a surface scatters and shines, with their values.
+
+use glam::Vec3A;
+
+/// One way in which a surface scatters or shines. Weights are those of the Mix and Add Shaders
+/// above it. A normal or tangent of zero is the surface's own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "the fields are the inputs of Blender's nodes")]
+pub enum Closure {
+    /// Blender's Principled BSDF. Its emission and alpha are closures of their own.
+    Principled(Principled),
+    /// Lambert, or Oren-Nayar where it is rough.
+    Diffuse {
+        weight: f32,
+        color: Vec3A,
+        roughness: f32,
+        normal: Vec3A,
+    },
+    /// GGX reflection.
+    Glossy(Glossy),
+    /// GGX reflection and refraction by Fresnel.
+    Glass(Glass),
+    /// GGX refraction alone.
+    Refraction(Glass),
+    /// Lambert to the other side.
+    Translucent {
+        weight: f32,
+        color: Vec3A,
+        normal: Vec3A,
+    },
+    /// Sheen of microscopic fibres.
+    Sheen {
+        weight: f32,
+        color: Vec3A,
+        roughness: f32,
+        normal: Vec3A,
+    },
+    /// Light: radiance, weight included [W / (sr m^2)].
+    Emission(Vec3A),
+    /// Share of the light that passes straight on, weight included.
+    Transparent(Vec3A),
+}
+
+/// Inputs of Blender's Glossy BSDF.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "the fields are the inputs of Blender's node")]
+pub struct Glossy {
+    pub weight: f32,
+    pub color: Vec3A,
+    pub roughness: f32,
+    pub anisotropy: f32,
+    pub rotation: f32,
+    pub normal: Vec3A,
+    pub tangent: Vec3A,
+    pub is_multiscatter: bool,
+}
+
+/// Inputs of Blender's Glass and Refraction BSDFs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "the fields are the inputs of Blender's nodes")]
+pub struct Glass {
+    pub weight: f32,
+    pub color: Vec3A,
+    pub roughness: f32,
+    pub ior: f32,
+    pub normal: Vec3A,
+    pub is_multiscatter: bool,
+}
+
+/// Inputs of Blender's Principled BSDF.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "the fields are the inputs of Blender's node")]
+pub struct Principled {
+    pub weight: f32,
+    pub base_color: Vec3A,
+    pub metallic: f32,
+    pub roughness: f32,
+    pub ior: f32,
+    pub normal: Vec3A,
+    pub diffuse_roughness: f32,
+    pub subsurface_weight: f32,
+    pub subsurface_radius: Vec3A,
+    pub subsurface_scale: f32,
+    pub specular_ior_level: f32,
+    pub specular_tint: Vec3A,
+    pub anisotropic: f32,
+    pub anisotropic_rotation: f32,
+    pub tangent: Vec3A,
+    pub transmission_weight: f32,
+    pub coat_weight: f32,
+    pub coat_roughness: f32,
+    pub coat_ior: f32,
+    pub coat_tint: Vec3A,
+    pub coat_normal: Vec3A,
+    pub sheen_weight: f32,
+    pub sheen_roughness: f32,
+    pub sheen_tint: Vec3A,
+    pub thin_film_thickness: f32,
+    pub thin_film_ior: f32,
+    pub is_multiscatter: bool,
+}

@@ -1,0 +1,123 @@
+//! Closures from their operands. What a program computes may be no number; a closure's values
+//! always are.
+
+use glam::Vec3A;
+
+use super::super::closure::{Closure, Glass, Glossy, Principled};
+use super::super::operation::Args;
+
+fn vector(a: &Args, input: usize) -> Vec3A {
+    let value = a.vector(input);
+    if value.is_finite() {
+        value
+    } else {
+        Vec3A::ZERO
+    }
+}
+
+fn float(a: &Args, input: usize) -> f32 {
+    vector(a, input).x
+}
+
+fn weight(a: &Args) -> f32 {
+    float(a, 0).max(0.0)
+}
+
+pub fn principled(a: &Args) -> Closure {
+    Closure::Principled(Principled {
+        weight: weight(a),
+        base_color: vector(a, 1),
+        metallic: float(a, 2),
+        roughness: float(a, 3),
+        ior: float(a, 4),
+        normal: vector(a, 5),
+        diffuse_roughness: float(a, 6),
+        subsurface_weight: float(a, 7),
+        subsurface_radius: vector(a, 8),
+        subsurface_scale: float(a, 9),
+        specular_ior_level: float(a, 10),
+        specular_tint: vector(a, 11),
+        anisotropic: float(a, 12),
+        anisotropic_rotation: float(a, 13),
+        tangent: vector(a, 14),
+        transmission_weight: float(a, 15),
+        coat_weight: float(a, 16),
+        coat_roughness: float(a, 17),
+        coat_ior: float(a, 18),
+        coat_tint: vector(a, 19),
+        coat_normal: vector(a, 20),
+        sheen_weight: float(a, 21),
+        sheen_roughness: float(a, 22),
+        sheen_tint: vector(a, 23),
+        thin_film_thickness: float(a, 24),
+        thin_film_ior: float(a, 25),
+        is_multiscatter: a.is_on(0),
+    })
+}
+
+pub fn diffuse(a: &Args) -> Closure {
+    Closure::Diffuse {
+        weight: weight(a),
+        color: vector(a, 1),
+        roughness: float(a, 2),
+        normal: vector(a, 3),
+    }
+}
+
+pub fn glossy(a: &Args) -> Closure {
+    Closure::Glossy(Glossy {
+        weight: weight(a),
+        color: vector(a, 1),
+        roughness: float(a, 2),
+        anisotropy: float(a, 3),
+        rotation: float(a, 4),
+        normal: vector(a, 5),
+        tangent: vector(a, 6),
+        is_multiscatter: a.is_on(0),
+    })
+}
+
+fn interface(a: &Args) -> Glass {
+    Glass {
+        weight: weight(a),
+        color: vector(a, 1),
+        roughness: float(a, 2),
+        ior: float(a, 3),
+        normal: vector(a, 4),
+        is_multiscatter: a.is_on(0),
+    }
+}
+
+pub fn glass(a: &Args) -> Closure {
+    Closure::Glass(interface(a))
+}
+
+pub fn refraction(a: &Args) -> Closure {
+    Closure::Refraction(interface(a))
+}
+
+pub fn translucent(a: &Args) -> Closure {
+    Closure::Translucent {
+        weight: weight(a),
+        color: vector(a, 1),
+        normal: vector(a, 2),
+    }
+}
+
+pub fn sheen(a: &Args) -> Closure {
+    Closure::Sheen {
+        weight: weight(a),
+        color: vector(a, 1),
+        roughness: float(a, 2),
+        normal: vector(a, 3),
+    }
+}
+
+/// Lamps do not absorb: negative light is none.
+pub fn emission(a: &Args) -> Closure {
+    Closure::Emission((weight(a) * vector(a, 1)).max(Vec3A::ZERO))
+}
+
+pub fn transparent(a: &Args) -> Closure {
+    Closure::Transparent((weight(a) * vector(a, 1)).max(Vec3A::ZERO))
+}

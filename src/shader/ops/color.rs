@@ -1,0 +1,293 @@
+//! Colours.
+
+use glam::Vec3A;
+
+use super::super::operation::Args;
+use super::{each, names};
+use crate::math::luminance;
+
+/// Hue, saturation and value in 0 to 1.
+fn hsv_from_rgb(rgb: Vec3A) -> Vec3A {
+    let (max, min) = (rgb.max_element(), rgb.min_element());
+    let range = max - min;
+    let saturation = if max == 0.0 { 0.0 } else { range / max };
+    if saturation == 0.0 {
+        return Vec3A::new(0.0, 0.0, max);
+    }
+    Vec3A::new(hue(rgb, max, range), saturation, max)
+}
+
+fn hue(rgb: Vec3A, max: f32, range: f32) -> f32 {
+    let [red, green, blue] = ((max - rgb) / range).to_array();
+    let sixths = if rgb.x == max {
+        blue - green
+    } else if rgb.y == max {
+        2.0 + red - blue
+    } else {
+        4.0 + green - red
+    };
+    (sixths / 6.0).rem_euclid(1.0)
+}
+
+fn rgb_from_hsv(hsv: Vec3A) -> Vec3A {
+    let [hue, saturation, value] = hsv.to_array();
+    value * (1.0 - saturation * (1.0 - pure_hue(hue)))
+}
+
+/// The saturated colour of full value with this hue.
+fn pure_hue(hue: f32) -> Vec3A {
+    let sixths = (hue - hue.floor()) * 6.0;
+    let ramp = Vec3A::new(
+        (sixths - 3.0).abs() - 1.0,
+        2.0 - (sixths - 2.0).abs(),
+        2.0 - (sixths - 4.0).abs(),
+    );
+    ramp.clamp(Vec3A::ZERO, Vec3A::ONE)
+}
+
+fn hsl_from_rgb(rgb: Vec3A) -> Vec3A {
+    let (max, min) = (rgb.max_element(), rgb.min_element());
+    let lightness = (0.5 * (max + min)).min(1.0);
+    let range = max - min;
+    if range == 0.0 {
+        return Vec3A::new(0.0, 0.0, lightness);
+    }
+    let saturation = if lightness > 0.5 {
+        range / (2.0 - max - min)
+    } else {
+        range / (max + min)
+    };
+    Vec3A::new(hue(rgb, max, range), saturation, lightness)
+}
+
+fn rgb_from_hsl(hsl: Vec3A) -> Vec3A {
+    let [hue, saturation, lightness] = hsl.to_array();
+    let chroma = (1.0 - (2.0 * lightness - 1.0).abs()) * saturation;
+    (pure_hue(hue) - 0.5) * chroma + lightness
+}
+
+pub fn combine(a: &Args) -> Vec3A {
+    let color = Vec3A::from_array(a.floats());
+    match a.mode(0) {
+        0 => color,
+        1 => rgb_from_hsv(color),
+        _ => rgb_from_hsl(color),
+    }
+}
+
+pub fn separate(a: &Args) -> Vec3A {
+    let color = a.vector(0);
+    let color = match a.mode(0) {
+        0 => color,
+        1 => hsv_from_rgb(color),
+        _ => hsl_from_rgb(color),
+    };
+    Vec3A::splat(color[a.mode(1)])
+}
+
+type Blend = fn(f32, Vec3A, Vec3A) -> Vec3A;
+
+/// Blend modes by Blender's identifiers: factor, first and second colour.
+#[rustfmt::skip]
+const BLENDS: [(&str, Blend); 19] = [
+    ("MIX", |t, a, b| a + t * (b - a)),
+    ("DARKEN", |t, a, b| a + t * (a.min(b) - a)),
+    ("MULTIPLY", |t, a, b| a + t * (a * b - a)),
+    ("BURN", |t, a, b| channels(t, a, b, burn)),
+    ("LIGHTEN", |t, a, b| a + t * (a.max(b) - a)),
+    ("SCREEN", |t, a, b| 1.0 - (1.0 - t + t * (1.0 - b)) * (1.0 - a)),
+    ("DODGE", |t, a, b| channels(t, a, b, dodge)),
+    ("ADD", |t, a, b| a + t * b),
+    ("OVERLAY", |t, a, b| channels(t, a, b, overlay)),
+    ("SOFT_LIGHT", soft_light),
+    ("LINEAR_LIGHT", |t, a, b| a + t * (2.0 * b - 1.0)),
+    ("DIFFERENCE", |t, a, b| a + t * ((a - b).abs() - a)),
+    ("EXCLUSION", |t, a, b| (a + t * (b - 2.0 * a * b)).max(Vec3A::ZERO)),
+    ("SUBTRACT", |t, a, b| a - t * b),
+    ("DIVIDE", |t, a, b| channels(t, a, b, |t, a, b| if b == 0.0 { a } else { (1.0 - t) * a + t * a / b })),
+    ("HUE", |t, a, b| with_hue(t, a, b, false)),
+    ("SATURATION", saturation),
+    ("COLOR", |t, a, b| with_hue(t, a, b, true)),
+    ("VALUE", value),
+];
+
+pub const BLEND_NAMES: [&str; 19] = names(&BLENDS);
+
+fn channels(t: f32, a: Vec3A, b: Vec3A, f: fn(f32, f32, f32) -> f32) -> Vec3A {
+    super::each2(a, b, |a, b| f(t, a, b))
+}
+
+fn burn(t: f32, a: f32, b: f32) -> f32 {
+    let divisor = 1.0 - t + t * b;
+    if divisor <= 0.0 {
+        0.0
+    } else {
+        (1.0 - (1.0 - a) / divisor).clamp(0.0, 1.0)
+    }
+}
+
+fn dodge(t: f32, a: f32, b: f32) -> f32 {
+    let divisor = 1.0 - t * b;
+    if a == 0.0 {
+        0.0
+    } else if divisor <= 0.0 {
+        1.0
+    } else {
+        (a / divisor).min(1.0)
+    }
+}
+
+fn overlay(t: f32, a: f32, b: f32) -> f32 {
+    if a < 0.5 {
+        a * (1.0 - t + 2.0 * t * b)
+    } else {
+        1.0 - (1.0 - t + 2.0 * t * (1.0 - b)) * (1.0 - a)
+    }
+}
+
+fn soft_light(t: f32, a: Vec3A, b: Vec3A) -> Vec3A {
+    let screen = 1.0 - (1.0 - b) * (1.0 - a);
+    (1.0 - t) * a + t * ((1.0 - a) * b * a + a * screen)
+}
+
+/// The second colour's hue (and saturation) in the first; greys have none to give.
+fn with_hue(t: f32, a: Vec3A, b: Vec3A, and_saturation: bool) -> Vec3A {
+    let theirs = hsv_from_rgb(b);
+    if theirs.y == 0.0 {
+        return a;
+    }
+    let mut own = hsv_from_rgb(a);
+    own.x = theirs.x;
+    if and_saturation {
+        own.y = theirs.y;
+    }
+    a + t * (rgb_from_hsv(own) - a)
+}
+
+fn saturation(t: f32, a: Vec3A, b: Vec3A) -> Vec3A {
+    let mut own = hsv_from_rgb(a);
+    if own.y == 0.0 {
+        return a;
+    }
+    own.y += t * (hsv_from_rgb(b).y - own.y);
+    rgb_from_hsv(own)
+}
+
+fn value(t: f32, a: Vec3A, b: Vec3A) -> Vec3A {
+    let mut own = hsv_from_rgb(a);
+    own.z += t * (hsv_from_rgb(b).z - own.z);
+    rgb_from_hsv(own)
+}
+
+/// Modes: blend, clamp the factor, clamp the result.
+pub fn mix(a: &Args) -> Vec3A {
+    let factor = a.float(0);
+    let factor = if a.is_on(1) {
+        factor.clamp(0.0, 1.0)
+    } else {
+        factor
+    };
+    let mixed = BLENDS[a.mode(0)].1(factor, a.vector(1), a.vector(2));
+    if a.is_on(2) {
+        mixed.clamp(Vec3A::ZERO, Vec3A::ONE)
+    } else {
+        mixed
+    }
+}
+
+pub fn hue_saturation(a: &Args) -> Vec3A {
+    let [hue, saturation, value, factor] = a.floats();
+    let color = a.vector(4);
+    let mut hsv = hsv_from_rgb(color);
+    hsv.x = (hsv.x + hue + 0.5).rem_euclid(1.0);
+    hsv.y = (hsv.y * saturation).clamp(0.0, 1.0);
+    hsv.z *= value;
+    (factor * rgb_from_hsv(hsv) + (1.0 - factor) * color).max(Vec3A::ZERO)
+}
+
+pub fn bright_contrast(a: &Args) -> Vec3A {
+    let (bright, contrast) = (a.float(1), a.float(2));
+    ((1.0 + contrast) * a.vector(0) + bright - 0.5 * contrast).max(Vec3A::ZERO)
+}
+
+pub fn gamma(a: &Args) -> Vec3A {
+    let exponent = a.float(1);
+    if exponent == 0.0 {
+        return Vec3A::ONE;
+    }
+    each(a.vector(0), |x| if x > 0.0 { x.powf(exponent) } else { x })
+}
+
+pub fn invert(a: &Args) -> Vec3A {
+    let (factor, color) = (a.float(0), a.vector(1));
+    factor * (1.0 - color) + (1.0 - factor) * color
+}
+
+/// CIE 1931 colour matching functions from 380 nm on, every 5 nm.
+#[rustfmt::skip]
+const CIE_1931: [[f32; 3]; 81] = [
+    [0.0014, 0.0000, 0.0065], [0.0022, 0.0001, 0.0105], [0.0042, 0.0001, 0.0201],
+    [0.0076, 0.0002, 0.0362], [0.0143, 0.0004, 0.0679], [0.0232, 0.0006, 0.1102],
+    [0.0435, 0.0012, 0.2074], [0.0776, 0.0022, 0.3713], [0.1344, 0.0040, 0.6456],
+    [0.2148, 0.0073, 1.0391], [0.2839, 0.0116, 1.3856], [0.3285, 0.0168, 1.6230],
+    [0.3483, 0.0230, 1.7471], [0.3481, 0.0298, 1.7826], [0.3362, 0.0380, 1.7721],
+    [0.3187, 0.0480, 1.7441], [0.2908, 0.0600, 1.6692], [0.2511, 0.0739, 1.5281],
+    [0.1954, 0.0910, 1.2876], [0.1421, 0.1126, 1.0419], [0.0956, 0.1390, 0.8130],
+    [0.0580, 0.1693, 0.6162], [0.0320, 0.2080, 0.4652], [0.0147, 0.2586, 0.3533],
+    [0.0049, 0.3230, 0.2720], [0.0024, 0.4073, 0.2123], [0.0093, 0.5030, 0.1582],
+    [0.0291, 0.6082, 0.1117], [0.0633, 0.7100, 0.0782], [0.1096, 0.7932, 0.0573],
+    [0.1655, 0.8620, 0.0422], [0.2257, 0.9149, 0.0298], [0.2904, 0.9540, 0.0203],
+    [0.3597, 0.9803, 0.0134], [0.4334, 0.9950, 0.0087], [0.5121, 1.0000, 0.0057],
+    [0.5945, 0.9950, 0.0039], [0.6784, 0.9786, 0.0027], [0.7621, 0.9520, 0.0021],
+    [0.8425, 0.9154, 0.0018], [0.9163, 0.8700, 0.0017], [0.9786, 0.8163, 0.0014],
+    [1.0263, 0.7570, 0.0011], [1.0567, 0.6949, 0.0010], [1.0622, 0.6310, 0.0008],
+    [1.0456, 0.5668, 0.0006], [1.0026, 0.5030, 0.0003], [0.9384, 0.4412, 0.0002],
+    [0.8544, 0.3810, 0.0002], [0.7514, 0.3210, 0.0001], [0.6424, 0.2650, 0.0000],
+    [0.5419, 0.2170, 0.0000], [0.4479, 0.1750, 0.0000], [0.3608, 0.1382, 0.0000],
+    [0.2835, 0.1070, 0.0000], [0.2187, 0.0816, 0.0000], [0.1649, 0.0610, 0.0000],
+    [0.1212, 0.0446, 0.0000], [0.0874, 0.0320, 0.0000], [0.0636, 0.0232, 0.0000],
+    [0.0468, 0.0170, 0.0000], [0.0329, 0.0119, 0.0000], [0.0227, 0.0082, 0.0000],
+    [0.0158, 0.0057, 0.0000], [0.0114, 0.0041, 0.0000], [0.0081, 0.0029, 0.0000],
+    [0.0058, 0.0021, 0.0000], [0.0041, 0.0015, 0.0000], [0.0029, 0.0010, 0.0000],
+    [0.0020, 0.0007, 0.0000], [0.0014, 0.0005, 0.0000], [0.0010, 0.0004, 0.0000],
+    [0.0007, 0.0002, 0.0000], [0.0005, 0.0002, 0.0000], [0.0003, 0.0001, 0.0000],
+    [0.0002, 0.0001, 0.0000], [0.0002, 0.0001, 0.0000], [0.0001, 0.0000, 0.0000],
+    [0.0001, 0.0000, 0.0000], [0.0001, 0.0000, 0.0000], [0.0000, 0.0000, 0.0000],
+];
+
+/// Rec. 709 from CIE XYZ, D65.
+fn rgb_from_xyz([x, y, z]: [f32; 3]) -> Vec3A {
+    Vec3A::new(3.240_479, -0.969_256, 0.055_648) * x
+        + Vec3A::new(-1.537_15, 1.875_991, -0.204_043) * y
+        + Vec3A::new(-0.498_535, 0.041_556, 1.057_311) * z
+}
+
+/// The colour of a black body, of luminance one, by Planck's law and the observer's functions.
+/// Temperatures are held within those of Cycles' fit, 800 to 12000 K, beyond which it is constant.
+pub fn blackbody(a: &Args) -> Vec3A {
+    /// Second radiation constant [nm K].
+    const C2: f32 = 1.438_777e7;
+    let temperature = a.float(0).clamp(800.0, 12000.0);
+    let mut xyz = [0.0; 3];
+    for (row, observer) in (0u8..).zip(CIE_1931) {
+        let wavelength = 380.0 + 5.0 * f32::from(row);
+        // In powers of 500 nm, which keeps the numbers small.
+        let spectrum = (500.0 / wavelength).powi(5) / (C2 / (wavelength * temperature)).exp_m1();
+        for (sum, weight) in xyz.iter_mut().zip(observer) {
+            *sum += weight * spectrum;
+        }
+    }
+    let rgb = rgb_from_xyz(xyz);
+    (rgb / luminance(rgb)).max(Vec3A::ZERO)
+}
+
+/// The colour of a wavelength [nm], scaled as in Cycles so that no channel exceeds one.
+pub fn wavelength(a: &Args) -> Vec3A {
+    let step = (a.float(0) - 380.0) / 5.0;
+    if !(0.0..80.0).contains(&step) {
+        return Vec3A::ZERO;
+    }
+    let low = step as usize;
+    let blend = |k: usize| super::lerp(CIE_1931[low][k], CIE_1931[low + 1][k], step.fract());
+    (rgb_from_xyz([blend(0), blend(1), blend(2)]) / 2.52).max(Vec3A::ZERO)
+}

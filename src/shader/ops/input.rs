@@ -1,0 +1,141 @@
+//! What is known of the point, the object, the camera and the ray.
+
+use glam::{Vec3A, Vec4};
+
+use super::super::operation::Args;
+use super::super::point::{Point, RayInfo, RayKind};
+
+fn layer(a: &Args) -> Vec4 {
+    a.point.attribute(a.parameter).unwrap_or_default()
+}
+
+pub fn attribute(a: &Args) -> Vec3A {
+    Vec3A::from_vec4(layer(a))
+}
+
+pub fn attribute_alpha(a: &Args) -> Vec3A {
+    Vec3A::splat(layer(a).w)
+}
+
+pub fn geometry(a: &Args) -> Vec3A {
+    let p = a.point;
+    match a.mode(0) {
+        0 => p.position,
+        1 => p.normal,
+        2 => p.geometric_normal,
+        3 => p.incoming,
+        4 => Vec3A::new(1.0 - p.barycentric.element_sum(), p.barycentric.x, 0.0),
+        _ => Vec3A::splat(f32::from(p.is_back)),
+    }
+}
+
+/// In camera space, looking along +Z as Cycles does.
+fn camera_position(p: &Point) -> Vec3A {
+    let v = p.view.camera_from_world().transform_point3a(p.position);
+    Vec3A::new(v.x, v.y, -v.z)
+}
+
+pub fn coordinate(a: &Args) -> Vec3A {
+    let p = a.point;
+    match a.mode(0) {
+        0 => (p.world_from_object.matrix3.transpose() * p.normal).normalize_or_zero(),
+        1 => p.object_from_world.transform_point3a(p.position),
+        2 => camera_position(p),
+        3 => p
+            .view
+            .project(p.position)
+            .unwrap_or_default()
+            .extend(0.0)
+            .into(),
+        _ => 2.0 * p.normal.dot(p.incoming) * p.normal - p.incoming,
+    }
+}
+
+pub fn object_info(a: &Args) -> Vec3A {
+    let object = a.point.object;
+    match a.mode(0) {
+        0 => a.point.world_from_object.translation,
+        1 => Vec3A::from_vec4(object.color),
+        2 => Vec3A::splat(object.color.w),
+        3 => Vec3A::splat(object.index),
+        _ => Vec3A::splat(object.random),
+    }
+}
+
+pub fn camera_data(a: &Args) -> Vec3A {
+    let v = camera_position(a.point);
+    match a.mode(0) {
+        0 => v.normalize_or_zero(),
+        1 => Vec3A::splat(v.z),
+        _ => Vec3A::splat(v.length()),
+    }
+}
+
+type RayQuestion = fn(&RayInfo) -> f32;
+
+/// Outputs of the Light Path node that the ray answers.
+const LIGHT_PATH: [(&str, RayQuestion); 12] = [
+    ("Is Camera Ray", |ray| is_kind(ray, RayKind::Camera)),
+    ("Is Shadow Ray", |ray| is_kind(ray, RayKind::Shadow)),
+    ("Is Diffuse Ray", |ray| is_kind(ray, RayKind::Diffuse)),
+    ("Is Glossy Ray", |ray| is_kind(ray, RayKind::Glossy)),
+    ("Is Singular Ray", |ray| f32::from(ray.is_singular)),
+    ("Is Reflection Ray", |ray| f32::from(ray.is_reflection())),
+    ("Is Transmission Ray", |ray| f32::from(ray.is_transmission)),
+    ("Ray Depth", |ray| ray.depth as f32),
+    ("Diffuse Depth", |ray| ray.diffuse_depth as f32),
+    ("Glossy Depth", |ray| ray.glossy_depth as f32),
+    ("Transparent Depth", |ray| ray.transparent_depth as f32),
+    ("Transmission Depth", |ray| ray.transmission_depth as f32),
+];
+
+const LENGTH: usize = LIGHT_PATH.len();
+
+pub const LIGHT_PATH_NAMES: [&str; LENGTH + 1] = {
+    let mut names = ["Ray Length"; LENGTH + 1];
+    let known = super::names(&LIGHT_PATH);
+    let mut row = 0;
+    while row < LENGTH {
+        names[row] = known[row];
+        row += 1;
+    }
+    names
+};
+
+fn is_kind(ray: &RayInfo, kind: RayKind) -> f32 {
+    f32::from(ray.kind == kind)
+}
+
+pub fn light_path(a: &Args) -> Vec3A {
+    let question = LIGHT_PATH.get(a.mode(0));
+    Vec3A::splat(question.map_or(a.point.ray_length, |(_, ask)| ask(a.point.ray)))
+}
+
+/// Modes: point, vector or normal; from and to world, object or camera.
+pub fn vector_transform(a: &Args) -> Vec3A {
+    let (v, p) = (a.vector(0), a.point);
+    let (kind, from, to) = (a.mode(0), a.mode(1), a.mode(2));
+    if from == to {
+        return v;
+    }
+    let flip = |v: Vec3A| Vec3A::new(v.x, v.y, -v.z);
+    let camera_from_world = p.view.camera_from_world();
+    let world = match (from, kind) {
+        (0, _) => v,
+        (1, 0) => p.world_from_object.transform_point3a(v),
+        (1, 1) => p.world_from_object.transform_vector3a(v),
+        (1, _) => (p.object_from_world.matrix3.transpose() * v).normalize_or_zero(),
+        (_, 0) => camera_from_world.inverse().transform_point3a(flip(v)),
+        (_, 1) => camera_from_world.inverse().transform_vector3a(flip(v)),
+        _ => (camera_from_world.matrix3.transpose() * flip(v)).normalize_or_zero(),
+    };
+    match (to, kind) {
+        (0, _) => world,
+        (1, 0) => p.object_from_world.transform_point3a(world),
+        (1, 1) => p.object_from_world.transform_vector3a(world),
+        (1, _) => (p.world_from_object.matrix3.transpose() * world).normalize_or_zero(),
+        (_, 0) => flip(camera_from_world.transform_point3a(world)),
+        (_, 1) => flip(camera_from_world.transform_vector3a(world)),
+        _ => flip((camera_from_world.matrix3 * world).normalize_or_zero()),
+    }
+}

@@ -1,0 +1,296 @@
+//! Noise and White Noise: Perlin's gradient noise ("Improving Noise", SIGGRAPH 2002) in one to four
+//! dimensions and its fractal sums (Musgrave, "Texturing and Modeling", 1994).
+
+use glam::{Vec3A, Vec4};
+
+use super::super::operation::Args;
+use super::{hash, lerp, quintic};
+
+/// Noise repeats with this period, which keeps floats exact far from the origin.
+const PERIOD: f32 = 100_000.0;
+
+/// Scale that brings each dimension's noise into -1 to 1.
+const SCALES: [f32; 4] = [0.25, 0.6616, 0.982, 0.8344];
+
+/// The gradient of a lattice point, times the offset from it.
+fn gradient<const N: usize>(hash: u32, p: [f32; N]) -> f32 {
+    let signed = |value: f32, bit: u32| if hash & bit == 0 { value } else { -value };
+    let at = |i: usize| p.get(i).copied().unwrap_or(0.0);
+    match N {
+        1 => signed(1.0 + (hash & 7) as f32, 8) * at(0),
+        2 => {
+            let (u, v) = if hash & 7 < 4 {
+                (at(0), at(1))
+            } else {
+                (at(1), at(0))
+            };
+            signed(u, 1) + signed(2.0 * v, 2)
+        }
+        3 => {
+            let h = hash & 15;
+            let u = if h < 8 { at(0) } else { at(1) };
+            let v = match h {
+                0..4 => at(1),
+                12 | 14 => at(0),
+                _ => at(2),
+            };
+            signed(u, 1) + signed(v, 2)
+        }
+        _ => {
+            let h = hash & 31;
+            let u = if h < 24 { at(0) } else { at(1) };
+            let v = if h < 16 { at(1) } else { at(2) };
+            let s = if h < 8 { at(2) } else { at(3) };
+            signed(u, 1) + signed(v, 2) + signed(s, 4)
+        }
+    }
+}
+
+/// Perlin noise in about -1 to 1.
+fn perlin<const N: usize>(p: [f32; N]) -> f32 {
+    let p = p.map(|x| x % PERIOD + if x.abs() >= 1e6 { 0.5 } else { 0.0 });
+    let low = p.map(f32::floor);
+    let cell = low.map(|x| x as i32);
+    let mut corners = [0.0; 16];
+    for (corner, value) in corners.iter_mut().enumerate().take(1 << N) {
+        let mut key = [0; N];
+        let mut offset = [0.0; N];
+        for axis in 0..N {
+            let step = (corner >> axis) & 1;
+            key[axis] = cell[axis].wrapping_add(step as i32) as u32;
+            offset[axis] = p[axis] - low[axis] - step as f32;
+        }
+        *value = gradient(hash::words(&key), offset);
+    }
+    for axis in 0..N {
+        let t = quintic(p[axis] - low[axis]);
+        for pair in 0..1 << (N - 1 - axis) {
+            corners[pair] = lerp(corners[2 * pair], corners[2 * pair + 1], t);
+        }
+    }
+    SCALES[N - 1] * corners[0]
+}
+
+/// The numbers of the Noise node that shape the sum of octaves.
+#[derive(Clone, Copy)]
+pub struct Fractal {
+    pub kind: usize,
+    pub detail: f32,
+    pub roughness: f32,
+    pub lacunarity: f32,
+    pub offset: f32,
+    pub gain: f32,
+    pub is_normalized: bool,
+}
+
+impl Fractal {
+    fn at<const N: usize>(&self, p: [f32; N]) -> f32 {
+        match self.kind {
+            0 => self.multifractal(p),
+            1 => self.ridged(p),
+            2 => self.hybrid(p),
+            3 => self.brownian(p),
+            _ => self.terrain(p),
+        }
+    }
+
+    /// Whole octaves after the first, and the share of one more.
+    fn octaves(&self) -> (u32, f32) {
+        (self.detail as u32, self.detail.fract())
+    }
+
+    pub fn brownian<const N: usize>(&self, p: [f32; N]) -> f32 {
+        let (octaves, rest) = self.octaves();
+        let (mut scale, mut amplitude, mut total, mut sum) = (1.0, 1.0, 0.0, 0.0);
+        let normalized = |sum: f32, total: f32| {
+            if self.is_normalized {
+                0.5 * sum / total + 0.5
+            } else {
+                sum
+            }
+        };
+        for _ in 0..=octaves {
+            sum += amplitude * perlin(p.map(|x| scale * x));
+            total += amplitude;
+            amplitude *= self.roughness;
+            scale *= self.lacunarity;
+        }
+        if rest == 0.0 {
+            return normalized(sum, total);
+        }
+        let more = sum + amplitude * perlin(p.map(|x| scale * x));
+        lerp(
+            normalized(sum, total),
+            normalized(more, total + amplitude),
+            rest,
+        )
+    }
+
+    fn multifractal<const N: usize>(&self, mut p: [f32; N]) -> f32 {
+        let (octaves, rest) = self.octaves();
+        let (mut value, mut power) = (1.0, 1.0);
+        for _ in 0..=octaves {
+            value *= power * perlin(p) + 1.0;
+            power *= self.roughness;
+            p = p.map(|x| x * self.lacunarity);
+        }
+        if rest == 0.0 {
+            return value;
+        }
+        value * (rest * power * perlin(p) + 1.0)
+    }
+
+    fn terrain<const N: usize>(&self, mut p: [f32; N]) -> f32 {
+        let (octaves, rest) = self.octaves();
+        let mut power = self.roughness;
+        let mut value = self.offset + perlin(p);
+        for _ in 0..octaves {
+            p = p.map(|x| x * self.lacunarity);
+            value += (perlin(p) + self.offset) * power * value;
+            power *= self.roughness;
+        }
+        if rest == 0.0 {
+            return value;
+        }
+        p = p.map(|x| x * self.lacunarity);
+        value + rest * (perlin(p) + self.offset) * power * value
+    }
+
+    fn hybrid<const N: usize>(&self, mut p: [f32; N]) -> f32 {
+        /// Octaves of less weight are not worth their time; Blender stops there too.
+        const LEAST_WEIGHT: f32 = 0.001;
+        let (octaves, rest) = self.octaves();
+        let (mut power, mut value, mut weight) = (1.0, 0.0, 1.0_f32);
+        for octave in 0..=octaves + 1 {
+            let share = if octave <= octaves { 1.0 } else { rest };
+            if weight <= LEAST_WEIGHT || share == 0.0 {
+                break;
+            }
+            weight = weight.min(1.0);
+            let signal = (perlin(p) + self.offset) * power;
+            value += share * weight * signal;
+            power *= self.roughness;
+            weight *= self.gain * signal;
+            p = p.map(|x| x * self.lacunarity);
+        }
+        value
+    }
+
+    /// The only sum that knows no part of an octave.
+    fn ridged<const N: usize>(&self, mut p: [f32; N]) -> f32 {
+        let ridge = |p: [f32; N]| (self.offset - perlin(p).abs()).powi(2);
+        let mut signal = ridge(p);
+        let mut value = signal;
+        let mut power = self.roughness;
+        for _ in 0..self.octaves().0 {
+            p = p.map(|x| x * self.lacunarity);
+            signal = ridge(p) * (signal * self.gain).clamp(0.0, 1.0);
+            value += signal * power;
+            power *= self.roughness;
+        }
+        value
+    }
+
+    /// The texture: `distortion` moves the point by noise, and colours are three noises apart.
+    fn texture<const N: usize>(&self, p: [f32; N], distortion: f32, wants_color: bool) -> Vec3A {
+        let mut seed = 0.0;
+        let mut next_shift = || {
+            let shift = far_shift::<N>(seed);
+            seed += 1.0;
+            shift
+        };
+        let moved =
+            |p: [f32; N], by: [f32; N]| -> [f32; N] { std::array::from_fn(|i| p[i] + by[i]) };
+        let mut point = p;
+        for axis in 0..N {
+            let shift = next_shift();
+            if distortion != 0.0 {
+                point[axis] += distortion * perlin(moved(p, shift));
+            }
+        }
+        let first = self.at(point);
+        if !wants_color {
+            return Vec3A::splat(first);
+        }
+        let (green, blue) = (next_shift(), next_shift());
+        Vec3A::new(
+            first,
+            self.at(moved(point, green)),
+            self.at(moved(point, blue)),
+        )
+    }
+}
+
+/// A shift far enough that noise there has nothing to do with noise here.
+fn far_shift<const N: usize>(seed: f32) -> [f32; N] {
+    std::array::from_fn(|axis| {
+        let random = match N {
+            1 => hash::floats(&[seed]),
+            _ => hash::floats(&[seed, axis as f32]),
+        };
+        100.0 + 100.0 * random
+    })
+}
+
+pub fn noise(a: &Args) -> Vec3A {
+    let scale = a.float(2);
+    let v = a.vector(0) * scale;
+    let w = a.float(1) * scale;
+    let fractal = Fractal {
+        kind: a.mode(1),
+        detail: a.float(3).clamp(0.0, 15.0),
+        roughness: a.float(4).max(0.0),
+        lacunarity: a.float(5),
+        offset: a.float(6),
+        gain: a.float(7),
+        is_normalized: a.is_on(2),
+    };
+    let (distortion, wants_color) = (a.float(8), a.mode(3) == 1);
+    match a.mode(0) {
+        0 => fractal.texture([w], distortion, wants_color),
+        1 => fractal.texture([v.x, v.y], distortion, wants_color),
+        2 => fractal.texture(v.to_array(), distortion, wants_color),
+        _ => fractal.texture([v.x, v.y, v.z, w], distortion, wants_color),
+    }
+}
+
+/// Three numbers that depend on four, the colours of the four-dimensional hash.
+pub fn color_of(v: Vec4) -> Vec3A {
+    Vec3A::new(
+        hash::floats(&[v.x, v.y, v.z, v.w]),
+        hash::floats(&[v.z, v.x, v.w, v.y]),
+        hash::floats(&[v.w, v.z, v.y, v.x]),
+    )
+}
+
+/// Three numbers that depend on one.
+pub fn color_of_number(x: f32) -> Vec3A {
+    Vec3A::new(
+        hash::floats(&[x]),
+        hash::floats(&[x, 1.0]),
+        hash::floats(&[x, 2.0]),
+    )
+}
+
+pub fn white_noise(a: &Args) -> Vec3A {
+    let (v, w) = (a.vector(0), a.float(1));
+    let wants_color = a.mode(1) == 1;
+    match (a.mode(0), wants_color) {
+        (0, true) => color_of_number(w),
+        (0, false) => Vec3A::splat(hash::floats(&[w])),
+        (1, true) => Vec3A::new(
+            hash::floats(&[v.x, v.y]),
+            hash::floats(&[v.x, v.y, 1.0]),
+            hash::floats(&[v.x, v.y, 2.0]),
+        ),
+        (1, false) => Vec3A::splat(hash::floats(&[v.x, v.y])),
+        (2, true) => Vec3A::new(
+            hash::floats(&[v.x, v.y, v.z]),
+            hash::floats(&[v.x, v.y, v.z, 1.0]),
+            hash::floats(&[v.x, v.y, v.z, 2.0]),
+        ),
+        (2, false) => Vec3A::splat(hash::floats(&[v.x, v.y, v.z])),
+        (_, true) => color_of(v.extend(w)),
+        (_, false) => Vec3A::splat(hash::floats(&[v.x, v.y, v.z, w])),
+    }
+}

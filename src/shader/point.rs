@@ -1,0 +1,221 @@
+//! Where a program is evaluated.
+
+use glam::{Affine3A, Vec2, Vec3A, Vec4};
+
+/// Values that a mesh keeps at the corners of its triangles, at one triangle.
+pub trait Attributes {
+    /// Values of the layer `key` at the three corners; `None` if the mesh has no such layer.
+    fn corners(&self, key: u32) -> Option<[Vec4; 3]>;
+}
+
+/// What the Object Info node tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ObjectInfo {
+    /// The object's colour and alpha.
+    pub color: Vec4,
+    /// Its pass index.
+    pub index: f32,
+    /// A random number in 0 to 1, the instance's own.
+    pub random: f32,
+}
+
+impl Default for ObjectInfo {
+    fn default() -> Self {
+        Self {
+            color: Vec4::ONE,
+            index: 0.0,
+            random: 0.0,
+        }
+    }
+}
+
+/// The camera, for coordinates that depend on it.
+pub trait View {
+    /// Camera space, looking along -Z, from world space.
+    fn camera_from_world(&self) -> Affine3A;
+
+    /// Shares of the picture's width and height at which a point of world space appears; `None`
+    /// where it cannot be seen.
+    fn project(&self, point: Vec3A) -> Option<Vec2>;
+}
+
+/// What a ray was scattered by last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RayKind {
+    /// It comes from the camera.
+    #[default]
+    Camera,
+    /// It looks for a light.
+    Shadow,
+    /// A diffuse surface.
+    Diffuse,
+    /// A glossy surface.
+    Glossy,
+}
+
+/// What the Light Path node tells of the ray that arrives.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct RayInfo {
+    /// What it comes from.
+    pub kind: RayKind,
+    /// Whether it went through the last surface.
+    pub is_transmission: bool,
+    /// Whether the last surface was a perfect mirror or pane.
+    pub is_singular: bool,
+    /// Scattering events so far, and how many were of each kind.
+    pub depth: u32,
+    /// Diffuse ones.
+    pub diffuse_depth: u32,
+    /// Glossy ones.
+    pub glossy_depth: u32,
+    /// Transmissions.
+    pub transmission_depth: u32,
+    /// Transparent surfaces passed.
+    pub transparent_depth: u32,
+}
+
+impl RayInfo {
+    /// Whether it was scattered to the side that it came from.
+    pub fn is_reflection(&self) -> bool {
+        matches!(self.kind, RayKind::Diffuse | RayKind::Glossy) && !self.is_transmission
+    }
+}
+
+/// A point of a surface as programs see it. Directions are unit vectors in world space.
+#[derive(Clone, Copy)]
+pub struct Point<'a> {
+    /// World space [m].
+    pub position: Vec3A,
+    /// Shading normal on the viewer's side.
+    pub normal: Vec3A,
+    /// Normal of the triangle on the viewer's side.
+    pub geometric_normal: Vec3A,
+    /// Normals of the triangle's corners, interpolated only: object space, on the front side.
+    pub normal_object: Vec3A,
+    /// Towards the viewer.
+    pub incoming: Vec3A,
+    /// Weights of the triangle's second and third corner.
+    pub barycentric: Vec2,
+    /// Edges from the first corner to the second and third, world space [m].
+    pub edges: [Vec3A; 2],
+    /// Whether the triangle is seen from behind.
+    pub is_back: bool,
+    /// Length of the ray that arrives [m].
+    pub ray_length: f32,
+    /// Placement of the object.
+    pub world_from_object: &'a Affine3A,
+    /// Its inverse.
+    pub object_from_world: &'a Affine3A,
+    /// The object itself.
+    pub object: &'a ObjectInfo,
+    /// Layers of the mesh at the triangle.
+    pub attributes: &'a dyn Attributes,
+    /// The camera.
+    pub view: &'a dyn View,
+    /// The ray that arrives.
+    pub ray: &'a RayInfo,
+}
+
+/// Side of a pixel's footprint per metre of the ray, at which bump mapping takes its differences: a
+/// tenth of a pixel of a picture 1000 pixels wide with a common lens, Cycles' Filter Width of 0.1.
+const FOOTPRINT: f32 = 1e-4;
+
+impl<'a> Point<'a> {
+    /// The point itself, and its neighbours along two orthogonal directions of the triangle's plane.
+    pub fn variations(&self) -> [Self; 3] {
+        let [x, y] = self.steps();
+        [*self, self.moved(x), self.moved(y)]
+    }
+
+    /// Where the neighbours lie, relative to the point [m].
+    pub fn steps(&self) -> [Vec3A; 2] {
+        // Positions far from the origin are coarser than the footprint.
+        let least = 64.0 * f32::EPSILON * self.position.abs().max_element();
+        let size = (FOOTPRINT * self.ray_length).max(least).max(1e-7);
+        let (x, y) = self.geometric_normal.any_orthonormal_pair();
+        [x * size, y * size]
+    }
+
+    fn moved(&self, step: Vec3A) -> Self {
+        // Least squares in the plane of the two edges.
+        let [e, f] = self.edges;
+        let (ee, ef, ff) = (e.dot(e), e.dot(f), f.dot(f));
+        let (se, sf) = (step.dot(e), step.dot(f));
+        let determinant = ee * ff - ef * ef;
+        let scale = if determinant > 0.0 {
+            1.0 / determinant
+        } else {
+            0.0
+        };
+        let change = Vec2::new(se * ff - sf * ef, sf * ee - se * ef) * scale;
+        Self {
+            position: self.position + step,
+            barycentric: self.barycentric + change,
+            ..*self
+        }
+    }
+
+    /// The value of a layer of the mesh here; `None` if the mesh has no such layer.
+    pub fn attribute(&self, key: u32) -> Option<Vec4> {
+        let [a, b, c] = self.attributes.corners(key)?;
+        let (u, v) = (self.barycentric.x, self.barycentric.y);
+        Some(a * (1.0 - u - v) + b * u + c * v)
+    }
+}
+
+/// A mesh without layers, and a camera that sees nothing.
+struct Bare;
+
+impl View for Bare {
+    fn camera_from_world(&self) -> Affine3A {
+        Affine3A::IDENTITY
+    }
+
+    fn project(&self, _: Vec3A) -> Option<Vec2> {
+        None
+    }
+}
+
+impl Attributes for Bare {
+    fn corners(&self, _: u32) -> Option<[Vec4; 3]> {
+        None
+    }
+}
+
+impl Point<'static> {
+    /// A point that nobody looks at, facing +Z at the origin.
+    pub fn nowhere() -> Self {
+        const OBJECT: ObjectInfo = ObjectInfo {
+            color: Vec4::ONE,
+            index: 0.0,
+            random: 0.0,
+        };
+        const RAY: RayInfo = RayInfo {
+            kind: RayKind::Camera,
+            is_transmission: false,
+            is_singular: false,
+            depth: 0,
+            diffuse_depth: 0,
+            glossy_depth: 0,
+            transmission_depth: 0,
+            transparent_depth: 0,
+        };
+        Self {
+            position: Vec3A::ZERO,
+            normal: Vec3A::Z,
+            geometric_normal: Vec3A::Z,
+            normal_object: Vec3A::Z,
+            incoming: Vec3A::Z,
+            barycentric: Vec2::ZERO,
+            edges: [Vec3A::X, Vec3A::Y],
+            is_back: false,
+            ray_length: 1.0,
+            world_from_object: &Affine3A::IDENTITY,
+            object_from_world: &Affine3A::IDENTITY,
+            object: &OBJECT,
+            attributes: &Bare,
+            view: &Bare,
+            ray: &RAY,
+        }
+    }
+}
