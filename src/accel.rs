@@ -201,6 +201,8 @@ mod tests {
             given("triangles", &[count, 3], Numbers::U32(&triangles)),
             given("corner_normals", &[count, 3, 3], Numbers::F32(&normals)),
             given("corner_uvs", &[count, 3, 2], Numbers::F32(&uvs)),
+            given("layer_keys", &[0], Numbers::U32(&[])),
+            given("layer_values", &[0, count, 3, 4], Numbers::F32(&[])),
             given("material_slots", &[count], Numbers::U32(&slots)),
         ];
         Mesh::new(arrays).unwrap()

@@ -186,9 +186,7 @@ class InstanceTable:
         self.cache.remember(owner, mesh)
         return mesh
 
-    def _load_mesh(
-        self, owner: bpy.types.Object, layers: frozenset[str]
-    ) -> CachedMesh | None:
+    def _load_mesh(self, owner: bpy.types.Object, layers: frozenset[str]) -> CachedMesh | None:
         def warn(message: str) -> None:
             self.warnings.add(owner.name, message)
 

@@ -75,9 +75,7 @@ def load_mesh(
     return cached
 
 
-def read_faces(
-    mesh: bpy.types.Mesh, wanted: frozenset[str], warn: Callable[[str], None]
-) -> Faces:
+def read_faces(mesh: bpy.types.Mesh, wanted: frozenset[str], warn: Callable[[str], None]) -> Faces:
     """Positions, corners and faces of an evaluated mesh."""
     corners = len(mesh.loops)
     attributes = mesh.attributes

@@ -82,8 +82,10 @@ def contract() -> Contract:
     """Return the tables of arrays, settings and passes."""
 
 class OperationRow(TypedDict):
-    """What an instruction of a material may do; `parameter` is none, modes, image, table or
-    attribute."""
+    """What an instruction of a material may do.
+
+    `parameter` is none, modes, image, table or attribute.
+    """
 
     name: str
     inputs: list[str]

@@ -4,9 +4,7 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
-use super::{
-    Camera, Image, Lens, Light, LightKind, Material, Mesh, Panorama, Projection, World,
-};
+use super::{Camera, Image, Lens, Light, LightKind, Material, Mesh, Panorama, Projection, World};
 use crate::contract::{Arrays, FRAME, Given};
 use crate::error::{Error, Result};
 use crate::shader::{Instructions, ObjectInfo};

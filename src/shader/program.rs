@@ -96,14 +96,13 @@ impl Program {
         } else {
             [point; 3]
         };
-        match self.registers {
-            0..=FEW_REGISTERS => {
-                self.run_in(&mut [Vec3A::ZERO; FEW_REGISTERS], points, images, emit);
-            }
-            0..=MANY_REGISTERS => {
-                self.run_in(&mut [Vec3A::ZERO; MANY_REGISTERS], points, images, emit);
-            }
-            count => self.run_in(&mut vec![Vec3A::ZERO; count], points, images, emit),
+        if self.registers <= FEW_REGISTERS {
+            self.run_in(&mut [Vec3A::ZERO; FEW_REGISTERS], points, images, emit);
+        } else if self.registers <= MANY_REGISTERS {
+            self.run_in(&mut [Vec3A::ZERO; MANY_REGISTERS], points, images, emit);
+        } else {
+            let mut values = vec![Vec3A::ZERO; self.registers];
+            self.run_in(&mut values, points, images, emit);
         }
     }
 

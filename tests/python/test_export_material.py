@@ -13,6 +13,7 @@ from export_oracle import add_camera, add_material, add_mesh, add_object, export
 
 import dualcone
 
+
 @pytest.fixture(autouse=True)
 def camera() -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -243,9 +244,9 @@ def test_volumes_and_displacement_are_named() -> None:
 def test_nodes_of_unknown_type_are_named_and_default() -> None:
     def build(tree: Any) -> Any:
         hair = node(tree, "ShaderNodeHairInfo")
-        return node(
-            tree, "ShaderNodeBsdfPrincipled", Base_Color=hair.outputs["Intercept"]
-        ).outputs[0]
+        return node(tree, "ShaderNodeBsdfPrincipled", Base_Color=hair.outputs["Intercept"]).outputs[
+            0
+        ]
 
     (closure,), warnings = closures_of(build)
     assert np.allclose(closure["base_color"], 0.8)

@@ -100,7 +100,7 @@ class Compiler:
             name = socket.socket.name
             self.missing(f"{end.label} in {name}", "its default value is used")
             return self._constant(Constant(socket.socket), kind)
-        return self._passed(value, kind_of(end.output.type), (*end.through, kind))
+        return self._passed(value, kind_of(end.output.type), (*map(kind_of, end.through), kind))
 
     def output(self, source: Source) -> Operand | None:
         """The value of a node's output; None if the type of the node is unknown."""
@@ -199,15 +199,16 @@ class Compiler:
 
     def _constant(self, constant: Constant, kind: str) -> Operand:
         value = constant.color()
-        return self._passed(value, kind_of(constant.socket.type), (*constant.through, kind))
+        return self._passed(
+            value, kind_of(constant.socket.type), (*map(kind_of, constant.through), kind)
+        )
 
     def _passed(self, value: Operand, kind: str, through: Sequence[str]) -> Operand:
         """The value after the sockets that it passes: numbers keep no colour."""
         for following in through:
-            following_kind = following if following in (NUMBER, COLOR, VECTOR) else kind_of(following)
-            if following_kind == NUMBER and kind != NUMBER:
+            if following == NUMBER and kind != NUMBER:
                 value = self._number(value, kind)
-            kind = following_kind
+            kind = following
         return value
 
     def _number(self, value: Operand, kind: str) -> Operand:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import bpy
 import numpy as np
@@ -11,7 +11,6 @@ import numpy as np
 from ..image import ImageUse
 from ..nodes import Source
 from .compiler import ONE, ZERO, Compiler
-from .layers import GENERATED
 from .program import TABLE_SIZE, Operand
 
 # Stands in for the identifier of the output that is asked for.
@@ -147,7 +146,9 @@ def attribute(compiler: Compiler, source: Source) -> Operand:
     """The Attribute node, for attributes of the mesh."""
     node = source.node
     if node.attribute_type != "GEOMETRY":
-        compiler.missing(f"{node.attribute_type.title()} attribute '{node.attribute_name}'", "zero is used")
+        compiler.missing(
+            f"{node.attribute_type.title()} attribute '{node.attribute_name}'", "zero is used"
+        )
         return ZERO
     return _layer(compiler, source, f"attribute:{node.attribute_name}")
 

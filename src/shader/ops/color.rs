@@ -31,12 +31,18 @@ fn hue(rgb: Vec3A, max: f32, range: f32) -> f32 {
 
 fn rgb_from_hsv(hsv: Vec3A) -> Vec3A {
     let [hue, saturation, value] = hsv.to_array();
+    // As Cycles: any hue beyond 0 to 1 lies between magenta and red.
+    let sixths = 6.0 * if hue == 1.0 { 0.0 } else { hue };
+    let hue = match sixths {
+        0.0..6.0 => sixths / 6.0,
+        _ => (5.0 + sixths - sixths.floor()) / 6.0,
+    };
     value * (1.0 - saturation * (1.0 - pure_hue(hue)))
 }
 
-/// The saturated colour of full value with this hue.
+/// The saturated colour of full value with this hue; beyond 0 to 1 it stays red, as in Cycles.
 fn pure_hue(hue: f32) -> Vec3A {
-    let sixths = (hue - hue.floor()) * 6.0;
+    let sixths = hue * 6.0;
     let ramp = Vec3A::new(
         (sixths - 3.0).abs() - 1.0,
         2.0 - (sixths - 2.0).abs(),

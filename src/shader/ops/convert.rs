@@ -11,7 +11,7 @@ pub fn luminance(a: &Args) -> Vec3A {
 }
 
 pub fn average(a: &Args) -> Vec3A {
-    Vec3A::splat(a.vector(0).element_sum() / 3.0)
+    Vec3A::splat(a.vector(0).element_sum() * (1.0 / 3.0))
 }
 
 pub fn add(a: &Args) -> Vec3A {

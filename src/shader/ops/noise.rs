@@ -201,13 +201,14 @@ impl Fractal {
         };
         let moved =
             |p: [f32; N], by: [f32; N]| -> [f32; N] { std::array::from_fn(|i| p[i] + by[i]) };
-        let mut point = p;
-        for axis in 0..N {
+        let point = p.map(|x| {
             let shift = next_shift();
-            if distortion != 0.0 {
-                point[axis] += distortion * perlin(moved(p, shift));
+            if distortion == 0.0 {
+                x
+            } else {
+                x + distortion * perlin(moved(p, shift))
             }
-        }
+        });
         let first = self.at(point);
         if !wants_color {
             return Vec3A::splat(first);

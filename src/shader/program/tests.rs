@@ -130,9 +130,9 @@ fn a_program_of_many_values_at_once_runs() {
     const COUNT: i64 = 200;
     let mut rows: Vec<Row> = vec![("geometry", &[], 0); COUNT as usize];
     let sums: Vec<[i64; 2]> = (0..COUNT).map(|i| [i, COUNT + i - 1]).collect();
+    rows.push(("add", &[0, -1], 0));
     rows.extend(sums[1..].iter().map(|operands| ("add", &operands[..], 0)));
-    rows.push(("emission", &[-1, 2 * COUNT - 2], 0));
-    rows[COUNT as usize] = ("add", &[0, -1], 0);
+    rows.push(("emission", &[-1, 2 * COUNT - 1], 0));
     let program = draft(&rows, &[ONES]).unwrap().program(Use::Surface);
     assert!(program.registers > MANY_REGISTERS, "{}", program.registers);
     assert_eq!(closures(&program), [Closure::Emission(Vec3A::ONE)]);
