@@ -20,11 +20,11 @@ HOST_WHEEL := $(if $(filter Linux,$(shell uname -s)),--zig --compatibility manyl
 CORE_FILES := Cargo.toml Cargo.lock pyproject.toml $(shell find src python -type f -name '*.[rp][sy]*')
 ADDON_FILES := $(shell find addon -type f -not -name '*.pyc')
 
-.PHONY: help demo test lint format test-rust test-python test-blender extension extension-all bench bench-paper chart clean
+.PHONY: help demo test lint format test-rust test-python test-blender extension extension-all bench bench-paper chart parity parity-references clean
 .DELETE_ON_ERROR:
 
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-14s %s\n", $$1, $$2 }' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-18s %s\n", $$1, $$2 }' Makefile
 
 demo: $(BPY_NEW)/.ready build/site/.ready ## render the wheel loader: frames and a contact sheet in out/demo
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/demo.py
@@ -75,6 +75,12 @@ CHART_FLAGS  ?=
 chart: $(VENVS)/chart/.ready build/site/.ready ## speed against accuracy, Cycles too: out/chart/index.html (an hour)
 	PYTHONPATH=build/site $(VENVS)/chart/bin/python -m dualcone.chart \
 	  $(CHART_SCENES:%=blend_samples/%.blend) --out out/chart $(CHART_FLAGS)
+
+parity: $(BPY_NEW)/.ready build/site/.ready ## every feature against Cycles: out/parity/index.html and docs/parity.md
+	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/parity.py --write-docs
+
+parity-references: $(BPY_NEW)/.ready build/site/.ready ## render the pictures of Cycles in tests/parity/references anew
+	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/parity.py --references
 
 clean: ## remove what was built, keep what was downloaded
 	rm -rf build/site build/wheel build/extension.ready dist out

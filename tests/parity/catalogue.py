@@ -1,0 +1,7 @@
+"""All rows of the table."""
+
+from __future__ import annotations
+
+from . import cameras, geometry, lights, materials, visibility, worlds
+
+ROWS = lights.ROWS + worlds.ROWS + visibility.ROWS + geometry.ROWS + materials.ROWS + cameras.ROWS

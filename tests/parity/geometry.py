@@ -1,0 +1,178 @@
+"""Things that are not plain meshes, and many of them."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .rows import table
+from .stage import Stage, give, matt
+
+COLOR = (0.8, 0.5, 0.1)
+
+
+def put(stage: Stage, data: Any, location: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> Any:
+    """An object with this data in the place of cube and ball."""
+    stage.clear()
+    thing = bpy.data.objects.new("Thing", data)
+    stage.scene.collection.objects.link(thing)
+    thing.location = location
+    if hasattr(data, "materials"):
+        data.materials.append(matt(COLOR))
+    return thing
+
+
+def bevelled_curve(stage: Stage) -> None:
+    stage.clear()
+    bpy.ops.curve.primitive_bezier_circle_add(
+        radius=1.5, location=(0.0, 0.0, 1.2), rotation=(0.8, 0.3, 0.0)
+    )
+    curve: Any = bpy.context.object
+    curve.data.bevel_depth, curve.data.bevel_resolution = 0.3, 4
+    give(curve, matt(COLOR))
+
+
+def text(stage: Stage) -> None:
+    data: Any = bpy.data.curves.new("Text", "FONT")
+    data.body, data.extrude, data.align_x = "Cone", 0.2, "CENTER"
+    put(stage, data).rotation_euler = (pi / 2, 0.0, 0.0)
+
+
+def metaballs(stage: Stage) -> None:
+    data: Any = bpy.data.metaballs.new("Drops")
+    data.resolution = data.render_resolution = 0.2
+    for x in (-0.7, 0.7):
+        data.elements.new().co = (x, 0.0, 0.2 * x)
+    put(stage, data)
+
+
+def nurbs_surface(stage: Stage) -> None:
+    stage.clear()
+    bpy.ops.surface.primitive_nurbs_surface_torus_add(
+        location=(0.0, 0.0, 1.2), rotation=(0.7, 0.0, 0.0)
+    )
+    give(bpy.context.object, matt(COLOR))
+
+
+def subdivided(stage: Stage) -> None:
+    modifier = stage.cube.modifiers.new("Smooth", "SUBSURF")
+    modifier.render_levels = 4
+
+
+def tufts(count: int, points: int) -> np.ndarray:
+    """Root to tip of bent hairs on a disk, (count, points, 3)."""
+    i, t = np.arange(count)[:, None], np.linspace(0.0, 1.0, points)[None, :]
+    radius, angle = np.sqrt((i + 0.5) / count) * 1.5, i * 2.39996
+    bend = 0.6 * t**2
+    x = radius * np.cos(angle) + bend * np.cos(3.0 * angle)
+    y = radius * np.sin(angle) + bend * np.sin(3.0 * angle)
+    return np.stack([x, y, t * 1.6 + 0.0 * i], axis=-1).astype(np.float32)
+
+
+def hair_curves(
+    stage: Stage, shape: str, count: int = 60, root: float = 0.06, tip: float = 0.02
+) -> None:
+    """Curves objects, as hair, with a radius that shrinks."""
+    points = 8
+    data: Any = bpy.data.hair_curves.new("Hair")
+    data.add_curves([points] * count)
+    data.attributes["position"].data.foreach_set("vector", tufts(count, points).ravel())
+    radius = data.attributes.get("radius") or data.attributes.new("radius", "FLOAT", "POINT")
+    radius.data.foreach_set(
+        "value", np.tile(np.linspace(root, tip, points, dtype=np.float32), count)
+    )
+    put(stage, data, (0.0, 0.0, 0.0))
+    stage.scene.cycles_curves.shape = shape
+    stage.scene.render.hair_type = "STRIP" if shape == "RIBBONS" else "STRAND"
+
+
+def hair_particles(stage: Stage, children: int = 0) -> None:
+    """A hair particle system on the ball."""
+    modifier = stage.ball.modifiers.new("Hair", "PARTICLE_SYSTEM")
+    settings: Any = modifier.particle_system.settings
+    settings.type, settings.count, settings.hair_length = "HAIR", 300, 0.6
+    settings.root_radius, settings.radius_scale = 3.0, 0.01
+    if children:
+        settings.child_type, settings.rendered_child_count = "SIMPLE", children
+
+
+def points(stage: Stage, radius: float) -> None:
+    """A point cloud, made by Geometry Nodes from the corners of the ball."""
+    tree: Any = bpy.data.node_groups.new("Points", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    source, sink = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    to_points = tree.nodes.new("GeometryNodeMeshToPoints")
+    to_points.inputs["Radius"].default_value = radius
+    material = tree.nodes.new("GeometryNodeSetMaterial")
+    material.inputs["Material"].default_value = matt(COLOR)
+    tree.links.new(source.outputs[0], to_points.inputs[0])
+    tree.links.new(to_points.outputs[0], material.inputs[0])
+    tree.links.new(material.outputs[0], sink.inputs[0])
+    bpy.data.objects.remove(stage.ball)
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=2, location=(1.0, 0.0, 1.3))
+    cloud: Any = bpy.context.object
+    cloud.modifiers.new("Points", "NODES").node_group = tree
+
+
+def instances(stage: Stage, side: int) -> None:
+    """Balls on the corners of a grid."""
+    stage.clear()
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=32, ring_count=16, radius=1.0)
+    bpy.ops.object.shade_smooth()
+    ball: Any = bpy.context.object
+    give(ball, matt(COLOR))
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=side, y_subdivisions=side, size=6.0)
+    grid: Any = bpy.context.object
+    grid.instance_type = "VERTS"
+    grid.show_instancer_for_render = False
+    ball.parent, ball.scale = grid, (2.0 / side,) * 3
+
+
+def scaled_instances(stage: Stage) -> None:
+    """A collection of a cube, turned, stretched and mirrored."""
+    library = bpy.data.collections.new("Library")
+    stage.scene.collection.objects.unlink(stage.cube)
+    library.objects.link(stage.cube)
+    bpy.data.objects.remove(stage.ball)
+    for x, scale in ((-1.0, (1.0, -1.0, 0.5)), (1.0, (0.5, 0.7, 1.4)), (3.0, (-0.5, -0.5, -0.5))):
+        empty = bpy.data.objects.new("Copy", None)
+        stage.scene.collection.objects.link(empty)
+        empty.instance_type, empty.instance_collection = "COLLECTION", library
+        empty.location, empty.scale, empty.rotation_euler = (x, 0.0, 0.5), scale, (0.0, 0.1, x)
+
+
+def wires(stage: Stage) -> None:
+    """A knot that grows thick and thin."""
+    data: Any = bpy.data.curves.new("Knot", "CURVE")
+    data.dimensions, data.bevel_depth = "3D", 0.15
+    spline = data.splines.new("POLY")
+    spline.points.add(99)
+    for i, point in enumerate(spline.points):
+        t = 2.0 * pi * i / 99
+        r = 1.0 + 0.4 * cos(3 * t)
+        point.co = (r * cos(2 * t), r * sin(2 * t), 0.4 * sin(3 * t), 1.0)
+        point.radius = 1.0 + 0.7 * sin(t)
+    put(stage, data, (0.0, 0.0, 1.2))
+
+
+ROWS = table(
+    "geometry",
+    ("curve, bevelled", bevelled_curve),
+    ("curve, poly with radii", wires),
+    ("text", text),
+    ("metaballs", metaballs),
+    ("NURBS surface", nurbs_surface),
+    ("subdivision", subdivided),
+    ("hair curves, ribbons", hair_curves, {"shape": "RIBBONS"}),
+    ("hair curves, 3D", hair_curves, {"shape": "THICK"}),
+    ("hair curves, thin ribbons", hair_curves, {"shape": "RIBBONS", "count": 400, "root": 0.01, "tip": 0.0}),
+    ("hair particles", hair_particles),
+    ("hair particles, children", hair_particles, {"children": 10}),
+    ("point cloud", points, {"radius": 0.15}),
+    ("instances on vertices", instances, {"side": 8}),
+    ("instances, mirrored and stretched", scaled_instances),
+)  # fmt: skip

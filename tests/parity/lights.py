@@ -1,0 +1,192 @@
+"""Lamps."""
+
+from __future__ import annotations
+
+from math import pi, sin
+from typing import Any
+
+import bpy
+
+from .rows import table
+from .stage import Stage, add_node, give, matt, node_tree, output, shade
+
+# What the stage's own lamp shines with, as a sun [W/m^2].
+SUN = 2.0
+
+
+def lamp(
+    stage: Stage, kind: str, scale: tuple[float, ...] = (1.0, 1.0, 1.0), **values: Any
+) -> None:
+    """A lamp alone."""
+    values.setdefault("energy", SUN if kind == "SUN" else 600.0)
+    stage.only(kind, **values).scale = scale
+
+
+def seen_lamp(stage: Stage, kind: str, visible: bool = True, **values: Any) -> None:
+    """A lamp in the picture; the floor mirrors it."""
+    lamp(stage, kind, **values)
+    stage.lamp.location = (0.0, 6.0, 3.0)
+    stage.lamp.rotation_euler = (-1.2, 0.0, pi)
+    stage.lamp.visible_camera = visible
+    stage.lamp.data.energy = 100.0
+    give(stage.floor, glossy(0.3))
+
+
+def hidden_lamp(stage: Stage, ray: str, **values: Any) -> None:
+    """A lamp that one kind of ray does not see; floor and ball are glossy."""
+    lamp(stage, **values)
+    give(stage.floor, glossy(0.4))
+    give(stage.ball, glossy(0.2))
+    setattr(stage.lamp, f"visible_{ray}", False)
+
+
+def glossy(roughness: float) -> Any:
+    material = bpy.data.materials.new("Glossy")
+    return shade(
+        material, "ShaderNodeBsdfAnisotropic", Color=(0.8,) * 3 + (1.0,), Roughness=roughness
+    )
+
+
+def noded_lamp(stage: Stage, kind: str, **emission: Any) -> None:
+    """A lamp with an Emission node of these values."""
+    lamp(stage, kind)
+    shade(stage.lamp.data, "ShaderNodeEmission", **emission)
+
+
+def blackbody_lamp(stage: Stage, temperature: float) -> None:
+    lamp(stage, "AREA")
+    tree = node_tree(stage.lamp.data)
+    color = add_node(tree, "ShaderNodeBlackbody", Temperature=temperature)
+    emission = add_node(tree, "ShaderNodeEmission", Color=color.outputs[0], Strength=1.0)
+    tree.links.new(emission.outputs[0], output(tree).inputs[0])
+
+
+def falloff_lamp(stage: Stage, output_name: str, strength: float) -> None:
+    lamp(stage, "POINT", shadow_soft_size=0.1)
+    tree = node_tree(stage.lamp.data)
+    falloff = add_node(tree, "ShaderNodeLightFalloff", Strength=strength)
+    emission = add_node(tree, "ShaderNodeEmission", Strength=falloff.outputs[output_name])
+    tree.links.new(emission.outputs[0], output(tree).inputs[0])
+
+
+def gobo(stage: Stage) -> None:
+    """A spot that shines through a pattern."""
+    lamp(stage, "SPOT", shadow_soft_size=0.0, spot_size=1.0)
+    tree = node_tree(stage.lamp.data)
+    place = add_node(tree, "ShaderNodeTexCoord")
+    pattern = add_node(tree, "ShaderNodeTexChecker", Vector=place.outputs["Normal"], Scale=12.0)
+    emission = add_node(tree, "ShaderNodeEmission", Color=pattern.outputs["Color"], Strength=1.0)
+    tree.links.new(emission.outputs[0], output(tree).inputs[0])
+
+
+def linked_lamp(stage: Stage, kind: str, state: str = "INCLUDE") -> None:
+    """A lamp that lights, or is shadowed by, the ball alone or all but the ball."""
+    lamp(stage, "AREA", size=0.5)
+    collection = bpy.data.collections.new("Linked")
+    collection.objects.link(stage.ball)
+    setattr(stage.lamp.light_linking, f"{kind}_collection", collection)
+    collection.collection_objects[0].light_linking.link_state = state
+
+
+def many_lamps(stage: Stage, count: int, radius: float) -> None:
+    """Small lamps of all colours in a square above the stage."""
+    lamp(stage, "POINT", energy=1.0)
+    side = round(count**0.5)
+    for i in range(side * side):
+        x, y = (12.0 * ((k + 0.5) / side - 0.5) for k in divmod(i, side))
+        color = tuple(0.5 + 0.5 * sin(i * k) for k in (1.0, 2.3, 4.1))
+        stage.add_lamp(
+            "POINT",
+            (x, y, 0.3 + 0.2 * sin(i)),
+            color=color,
+            energy=1500.0 / count,
+            shadow_soft_size=radius,
+        )
+
+
+def glowing_ball(stage: Stage, strength: float) -> None:
+    lamp(stage, "POINT", energy=0.0)
+    material = bpy.data.materials.new("Glow")
+    give(stage.ball, shade(material, "ShaderNodeEmission", Strength=strength))
+
+
+def portal(stage: Stage) -> None:
+    """A room with a window, the portal in it."""
+    stage.clear()
+    bpy.ops.mesh.primitive_cube_add(size=10.0, location=(0.0, 0.0, 4.0))
+    room: Any = bpy.context.object
+    give(room, matt((0.7, 0.7, 0.7)))
+    stage.only("AREA", shape="RECTANGLE", size=2.0, size_y=2.0)
+    stage.lamp.data.cycles.is_portal = True
+    stage.lamp.location, stage.lamp.rotation_euler = (0.0, 4.9, 3.0), (-pi / 2, 0.0, 0.0)
+    room.modifiers.new("Window", "BOOLEAN")
+    bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, 5.0, 3.0))
+    hole: Any = bpy.context.object
+    hole.hide_render = True
+    room.modifiers["Window"].object = hole
+    shade(stage.scene.world, "ShaderNodeBackground", Strength=3.0)
+
+
+ROWS = table(
+    "light",
+    ("point, radius 0", lamp, {"kind": "POINT", "shadow_soft_size": 0.0}),
+    ("point, radius 0.5 m", lamp, {"kind": "POINT", "shadow_soft_size": 0.5}),
+    ("point, no soft falloff", lamp, {"kind": "POINT", "shadow_soft_size": 0.5, "use_soft_falloff": False}),
+    ("spot, blend 0", lamp, {"kind": "SPOT", "spot_blend": 0.0, "shadow_soft_size": 0.0}),
+    ("spot, blend 1", lamp, {"kind": "SPOT", "spot_blend": 1.0, "shadow_soft_size": 0.1}),
+    ("spot, radius 0.5 m", lamp, {"kind": "SPOT", "spot_size": 0.6, "shadow_soft_size": 0.5}),
+    ("spot, 170 degrees", lamp, {"kind": "SPOT", "spot_size": 2.967, "shadow_soft_size": 0.2}),
+    ("spot, scaled", lamp, {"kind": "SPOT", "spot_size": 0.6, "shadow_soft_size": 0.1, "scale": (1.0, 2.0, 1.0)}),
+    ("area, square 2 m", lamp, {"kind": "AREA", "size": 2.0}),
+    ("area, rectangle", lamp, {"kind": "AREA", "shape": "RECTANGLE", "size": 3.0, "size_y": 0.2}),
+    ("area, disk", lamp, {"kind": "AREA", "shape": "DISK", "size": 2.0}),
+    ("area, ellipse", lamp, {"kind": "AREA", "shape": "ELLIPSE", "size": 3.0, "size_y": 1.0}),
+    ("area, scaled", lamp, {"kind": "AREA", "size": 1.0, "scale": (2.0, 0.5, 1.0)}),
+    ("area, spread 120 degrees", lamp, {"kind": "AREA", "size": 1.0, "spread": 2.094}),
+    ("area, spread 60 degrees", lamp, {"kind": "AREA", "size": 1.0, "spread": 1.047}),
+    ("area, spread 20 degrees", lamp, {"kind": "AREA", "size": 1.0, "spread": 0.349}),
+    ("area, spread 2 degrees", lamp, {"kind": "AREA", "size": 2.0, "spread": 0.035}),
+    ("area, disk, spread 60 degrees", lamp, {"kind": "AREA", "shape": "DISK", "size": 1.0, "spread": 1.047}),
+    ("sun, angle 0", lamp, {"kind": "SUN", "angle": 0.0}),
+    ("sun, angle 10 degrees", lamp, {"kind": "SUN", "angle": 0.1745}),
+    ("sun, angle 120 degrees", lamp, {"kind": "SUN", "angle": 2.094}),
+    ("sun, angle 180 degrees", lamp, {"kind": "SUN", "angle": pi}),
+    ("colour", lamp, {"kind": "POINT", "color": (1.0, 0.3, 0.05)}),
+    ("temperature 3000 K", lamp, {"kind": "POINT", "use_temperature": True, "temperature": 3000.0}),
+    ("exposure 1", lamp, {"kind": "POINT", "exposure": 1.0, "energy": 300.0}),
+    ("area, not normalised", lamp, {"kind": "AREA", "size": 2.0, "normalize": False, "energy": 150.0}),
+    ("point, not normalised", lamp, {"kind": "POINT", "shadow_soft_size": 0.3, "normalize": False, "energy": 300.0}),
+    ("sun, not normalised", lamp, {"kind": "SUN", "angle": 0.5, "normalize": False, "energy": 10.0}),
+    ("point, seen", seen_lamp, {"kind": "POINT", "shadow_soft_size": 0.7}),
+    ("area, seen", seen_lamp, {"kind": "AREA", "size": 1.5}),
+    ("area with spread, seen", seen_lamp, {"kind": "AREA", "size": 1.5, "spread": 1.5}),
+    ("spot, seen", seen_lamp, {"kind": "SPOT", "shadow_soft_size": 0.5, "spot_size": 2.0}),
+    ("area, hidden from the camera", seen_lamp, {"kind": "AREA", "size": 1.5, "visible": False}),
+    ("hidden from diffuse rays", hidden_lamp, {"kind": "AREA", "size": 2.0, "ray": "diffuse"}),
+    ("hidden from glossy rays", hidden_lamp, {"kind": "AREA", "size": 2.0, "ray": "glossy"}),
+    ("hidden from transmission rays", hidden_lamp, {"kind": "POINT", "ray": "transmission"}),
+    ("no shadow", lamp, {"kind": "AREA", "size": 1.0, "use_shadow": False}),
+    ("node: strength and colour", noded_lamp, {"kind": "AREA", "Strength": 2.5, "Color": (1.0, 0.5, 0.2, 1.0)}),
+    ("node: blackbody", blackbody_lamp, {"temperature": 3500.0}),
+    ("node: light falloff, linear", falloff_lamp, {"output_name": "Linear", "strength": 0.2}),
+    ("node: pattern", gobo),
+    ("linking: lights the ball alone", linked_lamp, {"kind": "receiver"}),
+    ("linking: lights all but the ball", linked_lamp, {"kind": "receiver", "state": "EXCLUDE"}),
+    ("linking: shadow of all but the ball", linked_lamp, {"kind": "blocker", "state": "EXCLUDE"}),
+    ("100 lamps", many_lamps, {"count": 100, "radius": 0.05}),
+    ("1024 lamps", many_lamps, {"count": 1024, "radius": 0.0}),
+    ("glowing ball", glowing_ball, {"strength": 5.0}),
+    ("portal", portal),
+)  # fmt: skip
+
+
+def bounded_lamp(stage: Stage, bounces: int) -> None:
+    lamp(stage, "AREA", size=1.0)
+    stage.lamp.data.cycles.max_bounces = bounces
+
+
+ROWS += table(
+    "light",
+    ("max bounces 0", bounded_lamp, {"bounces": 0}),
+    ("max bounces 1", bounded_lamp, {"bounces": 1}),
+)

@@ -1,0 +1,205 @@
+"""Shaders and textures, on the ball."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .rows import table
+from .stage import Stage, add_node, give, node_tree, output, shade
+
+PRINCIPLED = "ShaderNodeBsdfPrincipled"
+ORANGE = (0.8, 0.35, 0.1, 1.0)
+
+
+def shader(stage: Stage, kind: str, **values: Any) -> None:
+    """One shader node, on ball and cube."""
+    material = shade(bpy.data.materials.new("Row"), kind, **values)
+    give(stage.ball, material)
+    give(stage.cube, material)
+
+
+def principled(stage: Stage, **values: Any) -> None:
+    shader(stage, PRINCIPLED, **{"Base Color": ORANGE} | values)
+
+
+def glass(stage: Stage, kind: str, **values: Any) -> None:
+    """Something that refracts, in light from a large lamp: small ones make caustics of noise."""
+    shader(stage, kind, **values)
+    stage.lamp.data.size, stage.lamp.data.energy = 5.0, 500.0
+
+
+def two_shaders(stage: Stage, kind: str, **values: Any) -> None:
+    """Diffuse and glossy, mixed or added."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    diffuse = add_node(tree, "ShaderNodeBsdfDiffuse", Color=(0.4, 0.1, 0.1, 1.0))
+    glossy = add_node(tree, "ShaderNodeBsdfAnisotropic", Color=(0.4, 0.4, 0.5, 1.0), Roughness=0.3)
+    both = add_node(tree, kind, **values)
+    for node, socket in zip((diffuse, glossy), both.inputs[-2:], strict=True):
+        tree.links.new(node.outputs[0], socket)
+    finish(stage, tree, both)
+
+
+def finish(stage: Stage, tree: Any, shader_node: Any) -> None:
+    """Make a shader the surface, and give the material to ball, cube and floor."""
+    tree.links.new(shader_node.outputs[0], output(tree).inputs["Surface"])
+    material = next(m for m in bpy.data.materials if m.node_tree == tree)
+    for thing in (stage.ball, stage.cube, stage.floor):
+        give(thing, material)
+
+
+def texture(
+    stage: Stage, kind: str, place: str = "Generated", out: int | str = 0, **values: Any
+) -> None:
+    """A texture as the colour of a diffuse surface."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    where = add_node(tree, "ShaderNodeTexCoord").outputs[place]
+    node = add_node(tree, kind, Vector=where, **values)
+    diffuse = add_node(tree, "ShaderNodeBsdfDiffuse", Color=node.outputs[out])
+    finish(stage, tree, diffuse)
+
+
+def chart() -> bpy.types.Image:
+    """Blocks of colours with alpha, 16 x 16."""
+    v, u = np.mgrid[0:16, 0:16] / 16.0
+    pixels = np.stack([u, v, 1.0 - u, 0.25 + 0.75 * (u > v)], axis=-1).astype(np.float32)
+    image = bpy.data.images.new("Chart", 16, 16, alpha=True)
+    image.pixels.foreach_set(pixels.ravel())
+    image.pack()
+    return image
+
+
+def image(stage: Stage, place: str = "UV", space: str = "sRGB", **values: Any) -> None:
+    picture = chart()
+    picture.colorspace_settings.name = space
+    texture(stage, "ShaderNodeTexImage", place=place, image=picture, **values)
+
+
+def image_in(stage: Stage, socket: str, out: str = "Color", **values: Any) -> None:
+    """An image in one input of Principled."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    picture = add_node(tree, "ShaderNodeTexImage", image=chart())
+    node = add_node(tree, PRINCIPLED, **{socket: picture.outputs[out]}, **values)
+    finish(stage, tree, node)
+
+
+def bump(stage: Stage, kind: str, **values: Any) -> None:
+    """A normal bent by noise (Bump) or by an image (Normal Map)."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    if kind == "ShaderNodeBump":
+        place = add_node(tree, "ShaderNodeTexCoord").outputs["Object"]
+        height = add_node(tree, "ShaderNodeTexNoise", Vector=place, Scale=3.0).outputs[0]
+        bent = add_node(tree, kind, Height=height, **values)
+    else:
+        picture = add_node(tree, "ShaderNodeTexImage", image=chart())
+        picture.image.colorspace_settings.name = "Non-Color"
+        bent = add_node(tree, kind, Color=picture.outputs["Color"], **values)
+    diffuse = add_node(tree, "ShaderNodeBsdfDiffuse", Color=ORANGE, Normal=bent.outputs[0])
+    finish(stage, tree, diffuse)
+
+
+def value_in(stage: Stage, kind: str, out: int | str = 0, **values: Any) -> None:
+    """A node without coordinates as the colour of a diffuse surface."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    node = add_node(tree, kind, **values)
+    finish(stage, tree, add_node(tree, "ShaderNodeBsdfDiffuse", Color=node.outputs[out]))
+
+
+def on_image(stage: Stage, kind: str, socket: str = "Color", out: int = 0, **values: Any) -> None:
+    """A node that changes the colours of an image."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    picture = add_node(tree, "ShaderNodeTexImage", image=chart())
+    node = add_node(tree, kind, **{socket: picture.outputs["Color"]}, **values)
+    finish(stage, tree, add_node(tree, "ShaderNodeBsdfDiffuse", Color=node.outputs[out]))
+
+
+SHADERS = table(
+    "shader",
+    ("Principled", principled),
+    ("Principled, roughness 0.1", principled, {"Roughness": 0.1}),
+    ("Principled, roughness 1", principled, {"Roughness": 1.0}),
+    ("Principled, IOR 2", principled, {"IOR": 2.0, "Roughness": 0.3}),
+    ("Principled, specular 0", principled, {"Specular IOR Level": 0.0}),
+    ("Principled, specular tint", principled, {"Specular Tint": (0.2, 0.9, 0.3, 1.0), "Roughness": 0.3}),
+    ("Principled, metal 0.3", principled, {"Metallic": 1.0, "Roughness": 0.3}),
+    ("Principled, metal 0.7", principled, {"Metallic": 1.0, "Roughness": 0.7}),
+    ("Principled, metal, edge tint", principled, {"Metallic": 1.0, "Specular Tint": (0.2, 0.9, 0.3, 1.0)}),
+    ("Principled, half metal", principled, {"Metallic": 0.5, "Roughness": 0.4}),
+    ("Principled, anisotropic", principled, {"Metallic": 1.0, "Roughness": 0.4, "Anisotropic": 0.8}),
+    ("Principled, coat", principled, {"Coat Weight": 1.0, "Coat Roughness": 0.1}),
+    ("Principled, tinted coat", principled, {"Coat Weight": 1.0, "Coat Roughness": 0.3, "Coat Tint": (0.9, 0.5, 0.2, 1.0)}),
+    ("Principled, sheen", principled, {"Sheen Weight": 1.0, "Sheen Roughness": 0.4}),
+    ("Principled, subsurface", principled, {"Subsurface Weight": 1.0, "Subsurface Radius": (0.3, 0.1, 0.05)}),
+    ("Principled, alpha 0.4", principled, {"Alpha": 0.4}),
+    ("Principled, emission", principled, {"Emission Color": ORANGE, "Emission Strength": 2.0}),
+    ("Principled, thin film", principled, {"Metallic": 1.0, "Roughness": 0.3, "Thin Film Thickness": 500.0}),
+    ("Principled, rough diffuse", principled, {"Diffuse Roughness": 0.8}),
+    ("Principled, transmission", glass, {"kind": PRINCIPLED, "Transmission Weight": 1.0, "Roughness": 0.0}),
+    ("Principled, rough transmission", glass, {"kind": PRINCIPLED, "Transmission Weight": 1.0, "Roughness": 0.4, "Base Color": ORANGE}),
+    ("Diffuse, rough", shader, {"kind": "ShaderNodeBsdfDiffuse", "Color": ORANGE, "Roughness": 0.8}),
+    ("Glossy, roughness 0", shader, {"kind": "ShaderNodeBsdfAnisotropic", "Color": ORANGE, "Roughness": 0.0}),
+    ("Glossy, roughness 0.3", shader, {"kind": "ShaderNodeBsdfAnisotropic", "Color": ORANGE, "Roughness": 0.3}),
+    ("Glossy, GGX alone", shader, {"kind": "ShaderNodeBsdfAnisotropic", "distribution": "GGX", "Roughness": 0.8}),
+    ("Glossy, Beckmann", shader, {"kind": "ShaderNodeBsdfAnisotropic", "distribution": "BECKMANN", "Roughness": 0.4}),
+    ("Glossy, anisotropic", shader, {"kind": "ShaderNodeBsdfAnisotropic", "Roughness": 0.4, "Anisotropy": 0.7}),
+    ("Glass", glass, {"kind": "ShaderNodeBsdfGlass", "Roughness": 0.0, "IOR": 1.45}),
+    ("Glass, rough", glass, {"kind": "ShaderNodeBsdfGlass", "Roughness": 0.3, "IOR": 1.45}),
+    ("Refraction", glass, {"kind": "ShaderNodeBsdfRefraction", "Roughness": 0.2, "IOR": 1.3}),
+    ("Translucent", shader, {"kind": "ShaderNodeBsdfTranslucent", "Color": ORANGE}),
+    ("Transparent", shader, {"kind": "ShaderNodeBsdfTransparent", "Color": (0.8, 0.4, 0.6, 1.0)}),
+    ("Emission", shader, {"kind": "ShaderNodeEmission", "Color": ORANGE, "Strength": 3.0}),
+    ("Sheen", shader, {"kind": "ShaderNodeBsdfSheen", "Color": ORANGE, "Roughness": 0.4}),
+    ("Toon", shader, {"kind": "ShaderNodeBsdfToon", "Color": ORANGE, "Size": 0.5, "Smooth": 0.2}),
+    ("Metallic", shader, {"kind": "ShaderNodeBsdfMetallic", "Roughness": 0.3}),
+    ("Subsurface Scattering", shader, {"kind": "ShaderNodeSubsurfaceScattering", "Scale": 0.1}),
+    ("Holdout", shader, {"kind": "ShaderNodeHoldout"}),
+    ("Mix Shader", two_shaders, {"kind": "ShaderNodeMixShader", "Fac": 0.4}),
+    ("Add Shader", two_shaders, {"kind": "ShaderNodeAddShader"}),
+)  # fmt: skip
+
+TEXTURES = table(
+    "texture",
+    ("Image", image),
+    ("Image, Closest", image, {"interpolation": "Closest"}),
+    ("Image, Cubic", image, {"interpolation": "Cubic"}),
+    ("Image, Non-Color", image, {"space": "Non-Color"}),
+    ("Image, Generated", image, {"place": "Generated"}),
+    ("Image, Extend", image, {"place": "Object", "extension": "EXTEND"}),
+    ("Image, Clip", image, {"place": "Object", "extension": "CLIP"}),
+    ("Image, Mirror", image, {"place": "Object", "extension": "MIRROR"}),
+    ("Image, box", image, {"place": "Generated", "projection": "BOX", "projection_blend": 0.3}),
+    ("Image, sphere", image, {"place": "Object", "projection": "SPHERE"}),
+    ("Image in Base Color", image_in, {"socket": "Base Color"}),
+    ("Image in Roughness", image_in, {"socket": "Roughness", "Metallic": 1.0}),
+    ("Image in Metallic", image_in, {"socket": "Metallic"}),
+    ("Image in Alpha", image_in, {"socket": "Alpha", "out": "Alpha"}),
+    ("Image in Emission", image_in, {"socket": "Emission Color", "Emission Strength": 1.0}),
+    ("Normal Map", bump, {"kind": "ShaderNodeNormalMap", "Strength": 0.5}),
+    ("Bump", bump, {"kind": "ShaderNodeBump", "Strength": 0.5}),
+    ("Noise", texture, {"kind": "ShaderNodeTexNoise", "Scale": 4.0, "out": "Color"}),
+    ("Noise, Object", texture, {"kind": "ShaderNodeTexNoise", "Scale": 2.0, "Distortion": 0.5, "place": "Object"}),
+    ("Voronoi", texture, {"kind": "ShaderNodeTexVoronoi", "Scale": 5.0, "out": "Color"}),
+    ("Wave", texture, {"kind": "ShaderNodeTexWave", "Scale": 3.0, "Distortion": 2.0}),
+    ("Magic", texture, {"kind": "ShaderNodeTexMagic", "Scale": 3.0}),
+    ("Checker", texture, {"kind": "ShaderNodeTexChecker", "Scale": 6.0}),
+    ("Brick", texture, {"kind": "ShaderNodeTexBrick", "Scale": 4.0}),
+    ("Gradient", texture, {"kind": "ShaderNodeTexGradient"}),
+    ("White Noise", texture, {"kind": "ShaderNodeTexWhiteNoise", "out": "Color"}),
+    ("Fresnel", value_in, {"kind": "ShaderNodeFresnel", "IOR": 1.45}),
+    ("Layer Weight", value_in, {"kind": "ShaderNodeLayerWeight", "out": "Facing", "Blend": 0.4}),
+    ("Normal", value_in, {"kind": "ShaderNodeNewGeometry", "out": "Normal"}),
+    ("Object Info, Location", value_in, {"kind": "ShaderNodeObjectInfo", "out": "Location"}),
+    ("Camera Data", value_in, {"kind": "ShaderNodeCameraData", "out": "View Vector"}),
+    ("Blackbody", value_in, {"kind": "ShaderNodeBlackbody", "Temperature": 3000.0}),
+    ("Hue/Saturation", on_image, {"kind": "ShaderNodeHueSaturation", "Hue": 0.7, "Saturation": 0.5}),
+    ("Gamma", on_image, {"kind": "ShaderNodeGamma", "Gamma": 2.0}),
+    ("Invert", on_image, {"kind": "ShaderNodeInvert"}),
+    ("Bright/Contrast", on_image, {"kind": "ShaderNodeBrightContrast", "Bright": 0.1, "Contrast": 0.5}),
+    ("Color Ramp", on_image, {"kind": "ShaderNodeValToRGB", "socket": "Fac"}),
+    ("Math", on_image, {"kind": "ShaderNodeMath", "socket": "Value", "operation": "SINE"}),
+    ("Map Range", on_image, {"kind": "ShaderNodeMapRange", "socket": "Value", "From Max": 0.5}),
+)  # fmt: skip
+
+ROWS = SHADERS + TEXTURES
