@@ -93,6 +93,7 @@ class DUALCONE_OT_preset_add(AddPresetBase, bpy.types.Operator):
             "diffuse_bounces",
             "glossy_bounces",
             "transmission_bounces",
+            "transparent_max_bounces",
         )
         return [f"settings.{name}" for name in names]
 
@@ -171,6 +172,14 @@ class DUALCONE_PT_light_paths(RenderPanel, bpy.types.Panel):
         column.prop(settings, "diffuse_bounces")
         column.prop(settings, "glossy_bounces")
         column.prop(settings, "transmission_bounces")
+        column.prop(settings, "transparent_max_bounces")
+        column = layout.column(heading="Caustics", align=True)
+        column.prop(settings, "caustics_reflective", text="Reflective")
+        column.prop(settings, "caustics_refractive", text="Refractive")
+        layout.prop(settings, "blur_glossy")
+        column = layout.column(align=True)
+        column.prop(settings, "clamp_direct")
+        column.prop(settings, "clamp_indirect")
 
 
 class DUALCONE_PT_film(RenderPanel, bpy.types.Panel):

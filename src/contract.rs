@@ -506,6 +506,18 @@ settings! {
     glossy_bounces: u32 = Kind::Int(4, 0, 1024), "Glossy";
     /// Bounces through surfaces: refraction and translucency.
     transmission_bounces: u32 = Kind::Int(12, 0, 1024), "Transmission";
+    /// Transparent surfaces that a ray passes before it ends.
+    transparent_max_bounces: u32 = Kind::Int(8, 0, 1024), "Transparent";
+    /// Light that a diffuse surface gets by glossy reflection: bright and noisy.
+    caustics_reflective: bool = Kind::Bool(true), "Reflective Caustics";
+    /// Light that a diffuse surface gets through glass: bright and noisy.
+    caustics_refractive: bool = Kind::Bool(true), "Refractive Caustics";
+    /// Widens glossy reflection after wide bounces, against noise from caustics; 0 leaves it right. Cycles has 1 by default.
+    blur_glossy: f32 = Kind::Float(0.0, 0.0, 10.0), "Filter Glossy";
+    /// Limit on each sample of light that comes straight from a light, against fireflies; it makes pictures darker. 0 for none.
+    clamp_direct: f32 = Kind::Float(0.0, 0.0, 1e8), "Clamp Direct";
+    /// Limit on each sample of light that comes by way of other surfaces, against fireflies; it makes pictures darker. 0 for none; Cycles has 10 by default.
+    clamp_indirect: f32 = Kind::Float(0.0, 0.0, 1e8), "Clamp Indirect";
     /// Seconds a frame may take; 0 for no limit.
     time_limit: f32 = Kind::Float(0.0, 0.0, 1e6), "Time Limit";
     /// Shape of the pixel filter.

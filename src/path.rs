@@ -16,7 +16,7 @@ use crate::sampling::{
     Bsdf, LightSample, LightSampler, LobePdfs, LobeValues, Part, Sampler, Strategy,
 };
 use crate::scene::SceneFrame;
-use crate::shader::RayInfo;
+use crate::shader::{RayInfo, RayKind};
 use crate::surface::{self, Surface};
 
 /// Bounces before Russian roulette may end a path; Cycles begins there too.
@@ -46,6 +46,10 @@ pub struct Bounces {
     diffuse: u32,
     glossy: u32,
     transmission: u32,
+    /// What scattered the ray last; none for a camera ray.
+    last: Option<Part>,
+    /// Smallest density [1/sr] of the directions so far, once there was one.
+    least_pdf: Option<f32>,
 }
 
 impl Bounces {
@@ -57,6 +61,34 @@ impl Bounces {
             diffuse: self.diffuse + count(Part::Diffuse),
             glossy: self.glossy + count(Part::Glossy),
             transmission: self.transmission + count(Part::Transmission),
+            last: Some(part),
+            ..self
+        }
+    }
+
+    /// The same, with the density [1/sr] of the direction that the last event chose.
+    fn along(self, pdf_solid_angle: f32) -> Self {
+        let least = self.least_pdf.unwrap_or(f32::INFINITY);
+        Self {
+            least_pdf: Some(least.min(pdf_solid_angle)),
+            ..self
+        }
+    }
+
+    /// What the Light Path node tells of the ray that follows.
+    fn ray_info(&self) -> RayInfo {
+        RayInfo {
+            kind: match self.last {
+                None => RayKind::Camera,
+                Some(Part::Diffuse) => RayKind::Diffuse,
+                Some(Part::Glossy | Part::Transmission) => RayKind::Glossy,
+            },
+            is_transmission: self.last == Some(Part::Transmission),
+            depth: self.total,
+            diffuse_depth: self.diffuse,
+            glossy_depth: self.glossy,
+            transmission_depth: self.transmission,
+            ..RayInfo::default()
         }
     }
 
@@ -125,6 +157,67 @@ fn count_ray() {
     RAYS.set(RAYS.get() + 1);
 }
 
+/// The numbers that decide whether surfaces stop a ray. Each is the surface's own, so that the order
+/// in which the tree meets surfaces does not matter.
+struct Chance<'a> {
+    sampler: &'a Sampler,
+    vertex: u32,
+}
+
+impl<'a> Chance<'a> {
+    fn new(bounces: &Bounces, sampler: &'a Sampler) -> Self {
+        Self {
+            sampler,
+            vertex: bounces.total,
+        }
+    }
+
+    fn of(&self, hit: &Hit) -> f32 {
+        let name = hit.instance.wrapping_mul(0x9e37_79b9) ^ hit.triangle.wrapping_mul(0x85eb_ca6b);
+        self.sampler
+            .transparency(name ^ self.vertex.rotate_left(24))
+    }
+}
+
+/// The transparent surfaces that a ray passed, in the order in which the tree showed them.
+#[derive(Default)]
+struct Passed(Vec<Hit>);
+
+impl Passed {
+    /// Remembers a surface; false, for it stops nothing.
+    fn note(&mut self, hit: &Hit) -> bool {
+        self.0.push(*hit);
+        false
+    }
+
+    /// The surface nearer than `end` at which a ray that passes `limit` ones must stop.
+    fn beyond(self, limit: u32, end: f32) -> Option<Hit> {
+        let mut passed = self.0;
+        passed.retain(|hit| hit.t < end);
+        let limit = limit as usize;
+        (passed.len() > limit).then(|| *passed.select_nth_unstable_by(limit, by_distance).1)
+    }
+}
+
+/// What light must be multiplied with, so that a path that carries `throughput` brings the pixel at
+/// most `limit`, as a mean over the channels. Zero sets no limit.
+fn clamp_factor(radiance: Vec3A, throughput: f32, limit: f32) -> f32 {
+    let brought = throughput * radiance.element_sum() / 3.0;
+    if limit > 0.0 && brought > limit {
+        limit / brought
+    } else {
+        1.0
+    }
+}
+
+fn clamped(radiance: Vec3A, throughput: f32, limit: f32) -> Vec3A {
+    radiance * clamp_factor(radiance, throughput, limit)
+}
+
+fn by_distance(a: &Hit, b: &Hit) -> std::cmp::Ordering {
+    a.t.total_cmp(&b.t)
+}
+
 /// The balance heuristic's weight of the technique with the first density.
 fn balance(pdf: f32, other: f32) -> f32 {
     // Densities of deltas and of far lights may overflow: then the other one is negligible.
@@ -136,38 +229,67 @@ fn balance(pdf: f32, other: f32) -> f32 {
 }
 
 impl<'a> Tracer<'a> {
-    /// The surface that a ray meets first. `vertex` is the number of the path's vertex there.
-    pub fn arrive(&self, ray: &Ray, vertex: u32, sampler: &Sampler) -> Option<Surface> {
+    /// The surface that a ray meets first after the events `bounces`.
+    pub fn arrive(&self, ray: &Ray, bounces: &Bounces, sampler: &Sampler) -> Option<Surface> {
         count_ray();
-        let hit = if self.see_through {
-            let accept = |hit: &Hit| self.is_stopped(hit, ray, vertex, sampler);
-            self.accel.closest_hit_where(self.frame, ray, accept)
-        } else {
-            self.accel.closest_hit(self.frame, ray)
-        }?;
-        Some(surface::at(self.frame, &hit, ray, &RayInfo::default()))
+        let info = bounces.ray_info();
+        let at = |hit: &Hit| surface::at(self.frame, hit, ray, &info);
+        if !self.see_through {
+            return self.accel.closest_hit(self.frame, ray).as_ref().map(at);
+        }
+        let mut passed = Passed::default();
+        let chance = Chance::new(bounces, sampler);
+        let accept = |hit: &Hit| self.is_stopped(hit, ray, &info, &chance) || passed.note(hit);
+        let hit = self.accel.closest_hit_where(self.frame, ray, accept);
+        let end = hit.map_or(f32::INFINITY, |hit| hit.t);
+        match passed.beyond(self.settings.transparent_max_bounces, end) {
+            Some(last) => Some(at(&last).blackened()),
+            None => hit.as_ref().map(at),
+        }
     }
 
-    /// Whether anything lies on a ray.
-    pub fn is_occluded(&self, ray: &Ray, vertex: u32, sampler: &Sampler) -> bool {
+    /// Whether a scattered ray meets a surface.
+    fn is_hidden(&self, ray: &Ray, bounces: &Bounces, sampler: &Sampler) -> bool {
         count_ray();
         if self.see_through {
-            let accept = |hit: &Hit| self.is_stopped(hit, ray, vertex, sampler);
-            self.accel.occluded_where(self.frame, ray, accept)
+            self.is_stopped_on_the_way(ray, &bounces.ray_info(), bounces, sampler)
         } else {
             self.accel.occluded(self.frame, ray)
         }
     }
 
-    /// Transparency by chance: a surface of opacity a stops a ray with probability a. The chance is
-    /// the surface's own, so that the order in which the tree meets surfaces does not matter.
-    fn is_stopped(&self, hit: &Hit, ray: &Ray, vertex: u32, sampler: &Sampler) -> bool {
-        let opacity = surface::opacity(self.frame, hit, ray, &RayInfo::default());
-        if opacity >= 1.0 {
-            return true;
+    /// Whether anything lies on a ray that looks for a light after the events `bounces`.
+    pub fn is_occluded(&self, ray: &Ray, bounces: &Bounces, sampler: &Sampler) -> bool {
+        count_ray();
+        if !self.see_through {
+            return self.accel.occluded(self.frame, ray);
         }
-        let name = hit.instance.wrapping_mul(0x9e37_79b9) ^ hit.triangle.wrapping_mul(0x85eb_ca6b);
-        sampler.transparency(name ^ vertex.rotate_left(24)) < opacity
+        let info = RayInfo {
+            kind: RayKind::Shadow,
+            ..bounces.ray_info()
+        };
+        self.is_stopped_on_the_way(ray, &info, bounces, sampler)
+    }
+
+    fn is_stopped_on_the_way(
+        &self,
+        ray: &Ray,
+        info: &RayInfo,
+        bounces: &Bounces,
+        sampler: &Sampler,
+    ) -> bool {
+        let mut passed = Passed::default();
+        let chance = Chance::new(bounces, sampler);
+        let accept = |hit: &Hit| self.is_stopped(hit, ray, info, &chance) || passed.note(hit);
+        let limit = self.settings.transparent_max_bounces;
+        self.accel.occluded_where(self.frame, ray, accept)
+            || passed.beyond(limit, f32::INFINITY).is_some()
+    }
+
+    /// Transparency by chance: a surface of opacity a stops a ray with probability a.
+    fn is_stopped(&self, hit: &Hit, ray: &Ray, info: &RayInfo, chance: &Chance) -> bool {
+        let opacity = surface::opacity(self.frame, hit, ray, info);
+        opacity >= 1.0 || chance.of(hit) < opacity
     }
 
     /// Radiance that a surface reflects: `f cos` times light over all directions, by one light
@@ -181,7 +303,7 @@ impl<'a> Tracer<'a> {
     ) -> Vec3A {
         let direct = self.direct(
             surface,
-            from.total,
+            &from,
             strategy_at(from.total),
             sampler,
             |bsdf, pdfs| {
@@ -192,7 +314,11 @@ impl<'a> Tracer<'a> {
                 }
             },
         );
-        direct.sum() + self.continued(surface, from, throughput, sampler)
+        let direct = match from.total {
+            0 => direct.sum(),
+            _ => clamped(direct.sum(), throughput, self.settings.clamp_indirect),
+        };
+        direct + self.continued(surface, from, throughput, sampler)
     }
 
     fn continued(
@@ -229,15 +355,20 @@ impl<'a> Tracer<'a> {
     /// What comes back along a ray that goes on from a surface.
     pub fn gather(&self, from: &Continuation, sampler: &Sampler) -> Gathered {
         let ray = &from.ray;
-        let vertex = from.bounces.total;
         let last = from.bounces.at_limit(self.settings);
+        // Light right behind the first event comes straight from its source.
+        let limit = match from.bounces.total {
+            0 | 1 => self.settings.clamp_direct,
+            _ => self.settings.clamp_indirect,
+        };
+        let clamped = |radiance| clamped(radiance, from.throughput, limit);
         if last && !from.wants_distance && !self.lights.can_be_met() {
             // Only whether the ray leaves the scene matters now.
-            let hidden = self.is_occluded(ray, vertex, sampler);
+            let hidden = self.is_hidden(ray, &from.bounces, sampler);
             let environment = if hidden {
                 Vec3A::ZERO
             } else {
-                self.environment(from)
+                clamped(self.environment(from))
             };
             let distance = f32::INFINITY;
             return Gathered {
@@ -246,15 +377,19 @@ impl<'a> Tracer<'a> {
                 ..Gathered::default()
             };
         }
-        let surface = self.arrive(ray, vertex, sampler);
+        let mut surface = self.arrive(ray, &from.bounces, sampler);
+        let bounces = from.bounces.along(from.pdf_solid_angle);
+        if let Some(surface) = &mut surface {
+            self.calm(surface, &bounces);
+        }
         let distance = surface.as_ref().map_or(ray.t_max, |s| s.distance);
         let mut gathered = Gathered {
             distance,
             ..Gathered::default()
         };
-        gathered.lamps = self.lamps(from, distance);
+        gathered.lamps = clamped(self.lamps(from, distance));
         let Some(surface) = surface else {
-            gathered.environment = self.environment(from);
+            gathered.environment = clamped(self.environment(from));
             return gathered;
         };
         if surface.emission != Vec3A::ZERO {
@@ -266,12 +401,31 @@ impl<'a> Tracer<'a> {
                 from.strategy,
                 surface.position,
             );
-            gathered.lamps += surface.emission * balance(from.pdf_solid_angle, pdf_light);
+            let glow = surface.emission * balance(from.pdf_solid_angle, pdf_light);
+            gathered.lamps += clamped(glow);
         }
         if !last {
-            gathered.indirect = self.reflected(&surface, from.bounces, from.throughput, sampler);
+            gathered.indirect = self.reflected(&surface, bounces, from.throughput, sampler);
         }
         gathered
+    }
+
+    /// What the settings take from a surface that a scattered ray meets, against noise: caustics,
+    /// and narrow lobes behind wide bounces. As in Cycles, without its pdf of singular lobes.
+    fn calm(&self, surface: &mut Surface, bounces: &Bounces) {
+        let settings = self.settings;
+        if bounces.last == Some(Part::Diffuse) {
+            if !settings.caustics_reflective {
+                surface.bsdf.remove(Part::Glossy);
+            }
+            if !settings.caustics_refractive {
+                surface.bsdf.remove(Part::Transmission);
+            }
+        }
+        let width = bounces.least_pdf.unwrap_or(f32::INFINITY) / settings.blur_glossy;
+        if settings.blur_glossy > 0.0 && width < 1.0 {
+            surface.bsdf.blur(0.5 * (1.0 - width).sqrt());
+        }
     }
 
     fn environment(&self, from: &Continuation) -> Vec3A {
@@ -303,11 +457,12 @@ impl<'a> Tracer<'a> {
     pub fn direct(
         &self,
         surface: &Surface,
-        vertex: u32,
+        from: &Bounces,
         strategy: Strategy,
         sampler: &Sampler,
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
+        let vertex = from.total;
         let mut sum = LobeValues::default();
         let sides: &[f32] = match surface.bsdf.is_transmissive() {
             true => &[1.0, -1.0],
@@ -326,10 +481,13 @@ impl<'a> Tracer<'a> {
             let is_on_side =
                 |light: &LightSample| side * light.direction.dot(surface.geometric_normal) > 0.0;
             for light in lights.into_iter().flatten().filter(is_on_side) {
-                sum += self.lit_by(&light, surface, vertex, sampler, &pdfs);
+                sum += self.lit_by(&light, surface, from, sampler, &pdfs);
             }
         }
-        sum
+        match vertex {
+            0 => sum * clamp_factor(sum.sum(), 1.0, self.settings.clamp_direct),
+            _ => sum,
+        }
     }
 
     /// What a light sample contributes; see [`Tracer::direct`].
@@ -337,12 +495,12 @@ impl<'a> Tracer<'a> {
         &self,
         light: &LightSample,
         surface: &Surface,
-        vertex: u32,
+        from: &Bounces,
         sampler: &Sampler,
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
         let (values, own) = surface.bsdf.eval(light.direction);
-        if values.sum() == Vec3A::ZERO || self.is_shadowed(surface, light, vertex, sampler) {
+        if values.sum() == Vec3A::ZERO || self.is_shadowed(surface, light, from, sampler) {
             return LobeValues::default();
         }
         let own = pdfs(&surface.bsdf, own);
@@ -359,12 +517,12 @@ impl<'a> Tracer<'a> {
         &self,
         surface: &Surface,
         light: &LightSample,
-        vertex: u32,
+        from: &Bounces,
         sampler: &Sampler,
     ) -> bool {
         let mut ray = surface.ray_towards(light.direction);
         ray.t_max = light.distance * SHADOW_END;
-        self.is_occluded(&ray, vertex, sampler)
+        self.is_occluded(&ray, from, sampler)
     }
 }
 
@@ -394,5 +552,79 @@ fn survival_probability(bounce: u32, throughput: f32) -> f32 {
         1.0
     } else {
         throughput.sqrt().min(1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contract::{Filter, Method};
+    use crate::testing::{
+        Scene, Shoot, camera, diffuse, glossy, mean_radiance, plain_world, square,
+    };
+    use glam::{Affine3A, Vec3};
+
+    #[test]
+    fn light_is_limited_by_what_it_brings_and_zero_is_no_limit() {
+        let bright = Vec3A::new(6.0, 3.0, 0.0);
+        assert_eq!(clamped(bright, 1.0, 0.0), bright);
+        assert_eq!(clamped(bright, 1.0, 3.0), bright);
+        assert_eq!(clamped(bright, 2.0, 3.0), 0.5 * bright);
+        assert_eq!(clamped(Vec3A::ZERO, 1.0, 3.0), Vec3A::ZERO);
+    }
+
+    #[test]
+    fn the_surface_where_a_ray_must_stop_is_the_nearest_beyond_the_limit() {
+        let hit = |t| Hit {
+            t,
+            instance: 0,
+            triangle: 0,
+            u: 0.0,
+            v: 0.0,
+        };
+        let stop = |limit, end| {
+            let mut passed = Passed::default();
+            for t in [3.0, 1.0, 4.0, 2.0] {
+                assert!(!passed.note(&hit(t)));
+            }
+            passed.beyond(limit, end).map(|hit| hit.t)
+        };
+        assert_eq!(stop(0, f32::INFINITY), Some(1.0));
+        assert_eq!(stop(2, f32::INFINITY), Some(3.0));
+        assert_eq!(stop(2, 2.5), None);
+        assert_eq!(stop(4, f32::INFINITY), None);
+    }
+
+    /// A diffuse floor beside a mirror wall: without caustics the wall gives it nothing.
+    #[test]
+    fn diffuse_surfaces_get_no_caustics_when_they_are_off() {
+        let mean = |caustics_reflective, reflectance| {
+            let mut scene = Scene::new();
+            scene.world = plain_world(1.0);
+            scene.camera = camera(Vec3::new(0.0, 0.0, 1.5), Vec3::ZERO, 0.7);
+            scene.add(square(), Affine3A::IDENTITY, diffuse(0.5));
+            let wall = Affine3A::from_rotation_y(std::f32::consts::FRAC_PI_2);
+            let wall = Affine3A::from_translation(Vec3::new(-0.6, 0.0, 0.0)) * wall;
+            scene.add(square(), wall, glossy(reflectance, 0.3));
+            let frames = [scene.frame(1)];
+            let settings = Settings {
+                method: Method::Path,
+                samples: 64,
+                filter: Filter::Box,
+                caustics_reflective,
+                ..Settings::default()
+            };
+            let shoot = Shoot {
+                frames: &frames,
+                settings,
+                size: 8,
+                threads: 1,
+            };
+            mean_radiance(&shoot.pictures(&[1])[0])
+        };
+        let (off, black) = (mean(false, 0.9), mean(true, 0.0));
+        // The numbers choose the same directions: only rounding of the light's choice differs.
+        assert!((off / black - 1.0).abs() < 0.01, "{off} {black}");
+        assert!(mean(true, 0.9) > 1.05 * black);
     }
 }

@@ -43,6 +43,16 @@ impl Surface {
         Ray::new(origin, direction)
     }
 
+    /// The same surface, if nothing came from it.
+    pub fn blackened(self) -> Self {
+        let bsdf = Bsdf::new(self.geometric_normal, -self.geometric_normal, true);
+        Self {
+            bsdf,
+            emission: Vec3A::ZERO,
+            ..self
+        }
+    }
+
     /// The shading normal on the side of the surface that `direction` leaves to.
     pub fn normal_towards(&self, direction: Vec3A) -> Vec3A {
         if direction.dot(self.geometric_normal) < 0.0 {

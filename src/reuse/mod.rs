@@ -17,7 +17,7 @@ use crate::contract::{Method, Settings};
 use crate::error::{Error, Result};
 use crate::film::{Film, Region, Sighting};
 use crate::math::{PixelFilter, Ray};
-use crate::path::Tracer;
+use crate::path::{Bounces, Tracer};
 use crate::progress::Progress;
 use crate::sampling::{Sampler, Strategy};
 use crate::scene::FrameWindow;
@@ -56,12 +56,12 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// Of a pixel outside of a fisheye's picture.
+    /// Of a pixel outside of a fisheye's picture: black and opaque, as in Cycles.
     fn outside(sampler: Sampler) -> Self {
         Self {
             sampler,
             surface: None,
-            seen: Sighting::NOTHING,
+            seen: Sighting::BACKGROUND,
             radiance: Vec3A::ZERO,
         }
     }
@@ -93,7 +93,7 @@ impl View<'_> {
         let Some(ray) = tracer.frame.camera.ray(film, numbers.lens) else {
             return Shot::outside(sampler);
         };
-        let surface = tracer.arrive(&ray, 0, &sampler);
+        let surface = tracer.arrive(&ray, &Bounces::default(), &sampler);
         let distance = surface.as_ref().map_or(ray.t_max, |s| s.distance);
         // Lamps hide nothing: they shine through each other and in front of what is behind.
         let seen_ray = Ray {

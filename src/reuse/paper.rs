@@ -286,7 +286,13 @@ fn small_lights(view: &View, surface: &Surface, sampler: &Sampler) -> Vec3A {
         }
     };
     tracer
-        .direct(surface, 0, Strategy::WithoutSky, sampler, pdfs)
+        .direct(
+            surface,
+            &Bounces::default(),
+            Strategy::WithoutSky,
+            sampler,
+            pdfs,
+        )
         .sum()
 }
 
@@ -404,7 +410,10 @@ impl<'a> Receiver<'a> {
     }
 
     fn is_free(&self, ray: &Ray) -> bool {
-        !self.view.tracer.is_occluded(ray, 0, self.sampler)
+        !self
+            .view
+            .tracer
+            .is_occluded(ray, &Bounces::default(), self.sampler)
     }
 }
 

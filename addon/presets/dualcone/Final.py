@@ -12,3 +12,4 @@ settings.max_bounces = 12
 settings.diffuse_bounces = 4
 settings.glossy_bounces = 4
 settings.transmission_bounces = 12
+settings.transparent_max_bounces = 8

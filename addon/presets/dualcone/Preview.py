@@ -12,3 +12,4 @@ settings.max_bounces = 4
 settings.diffuse_bounces = 2
 settings.glossy_bounces = 2
 settings.transmission_bounces = 4
+settings.transparent_max_bounces = 8

@@ -90,13 +90,19 @@ impl<'a> Pass<'a> {
     /// Light of light samples: always the pixel's own.
     fn direct(&self, shot: &Shot, surface: &Surface) -> Vec3A {
         let (tracer, sampler) = (&self.view.tracer, &shot.sampler);
-        let direct = tracer.direct(surface, 0, self.strategy, sampler, |bsdf, pdfs| {
-            let pdf = bsdf.pdf(pdfs);
-            LobePdfs {
-                lambert: pdf,
-                own: pdf,
-            }
-        });
+        let direct = tracer.direct(
+            surface,
+            &Bounces::default(),
+            self.strategy,
+            sampler,
+            |bsdf, pdfs| {
+                let pdf = bsdf.pdf(pdfs);
+                LobePdfs {
+                    lambert: pdf,
+                    own: pdf,
+                }
+            },
+        );
         direct.sum()
     }
 

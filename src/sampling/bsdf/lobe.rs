@@ -78,7 +78,7 @@ impl Lobe {
         }
     }
 
-    /// Leaves out what counts to `part`.
+    /// Leaves out what counts to `part`. A lobe that is black after it must not be used.
     pub fn remove(&mut self, part: Part) {
         match (part, self.is_diffuse()) {
             (Part::Transmission, _) => self.transmitted = Vec3A::ZERO,

@@ -81,8 +81,10 @@ pub struct Interface {
     pub ggx: Ggx,
     /// Index of refraction beyond the surface over that on the viewer's side.
     ior: f32,
-    /// Reflectance at normal incidence; `None` where all is refracted unless it cannot be.
-    f0: Option<Vec3A>,
+    /// Whether it follows Fresnel; else all is refracted unless it cannot be.
+    reflects: bool,
+    /// Reflectance at normal incidence.
+    f0: Vec3A,
     /// Factor on what is reflected, weight and compensation included.
     reflection: Vec3A,
     /// Factor on what is refracted, weight and compensation included.
@@ -136,7 +138,8 @@ impl Interface {
         let interface = Self {
             ggx: glass.ggx,
             ior,
-            f0: glass.f0,
+            reflects: glass.f0.is_some(),
+            f0: glass.f0.unwrap_or(Vec3A::ZERO),
             reflection: scale * glass.reflection_tint,
             transmission: scale * glass.transmission_tint,
         };
@@ -170,11 +173,13 @@ impl Interface {
     /// What a microfacet reflects and what it refracts, under a cosine.
     fn split(&self, cos: f32) -> [Vec3A; 2] {
         let share = Curve::Dielectric { ior: self.ior }.at(cos);
-        let reflectance = match self.f0 {
-            Some(f0) => f0 + share * (Vec3A::ONE - f0),
+        let reflectance = if self.reflects {
+            self.f0 + share * (Vec3A::ONE - self.f0)
+        } else if share < 1.0 {
+            Vec3A::ZERO
+        } else {
             // Total reflection takes the light away that this closure only refracts.
-            None if share >= 1.0 => return [Vec3A::ZERO; 2],
-            None => Vec3A::ZERO,
+            return [Vec3A::ZERO; 2];
         };
         [
             reflectance * self.reflection,

@@ -12,7 +12,8 @@
 //! the mesh shadows itself anyway.
 //!
 //! # Departures from Cycles
-//! Cycles checks the geometric normal in sampling only; roughness below 0.01 counts as 0.01; an
+//! Cycles checks the geometric normal in sampling only, and evaluates refraction by microfacets that
+//! are met from behind, which it does not sample; roughness below 0.01 counts as 0.01; an
 //! index of refraction within 0.001 of one counts as 0.001 away.
 
 mod diffuse;
@@ -91,6 +92,19 @@ impl std::ops::AddAssign for LobeValues {
         self.diffuse += other.diffuse;
         self.glossy += other.glossy;
         self.transmission += other.transmission;
+    }
+}
+
+impl std::ops::Mul<f32> for LobeValues {
+    type Output = Self;
+
+    fn mul(self, factor: f32) -> Self {
+        Self {
+            lambert: factor * self.lambert,
+            diffuse: factor * self.diffuse,
+            glossy: factor * self.glossy,
+            transmission: factor * self.transmission,
+        }
     }
 }
 
@@ -394,9 +408,16 @@ impl Bsdf {
 
     /// Leaves out what counts to `part`, but for the Lambert part.
     pub fn remove(&mut self, part: Part) {
-        for lobe in &mut self.lobes[..self.lobe_count as usize] {
+        let mut kept = 0;
+        for index in 0..self.lobe_count as usize {
+            let mut lobe = self.lobes[index];
             lobe.remove(part);
+            if lobe.albedo() != Vec3A::ZERO {
+                self.lobes[kept] = lobe;
+                kept += 1;
+            }
         }
+        self.lobe_count = kept as u8;
     }
 }
 

@@ -565,3 +565,144 @@ fn materials_look_as_in_cycles() {
         assert_pixel(&bsdf, sun_angle, pixel, &format!("glossy {roughness}"));
     }
 }
+
+/// The other closures: cosine of the view, angle of the sun [rad] from the normal, its angle [rad]
+/// about it from the plane of the mirror, whether the front is seen; the pixel. The tangent is
+/// (1, 0.5, 0).
+type OtherRow = (&'static str, [f32; 3], bool, [f32; 3]);
+#[rustfmt::skip]
+const CYCLES_OTHERS: &[OtherRow] = &[
+    ("rough diffuse", [0.9, 0.7, 0.5], true, [0.15702, 0.051432, 0.008389]),
+    ("sheen 0.3", [0.9, 0.7, 0.5], true, [8.6e-5, 3.2e-5, 0.0]),
+    ("sheen 0.7", [0.9, 0.7, 0.5], true, [0.019538, 0.007327, 0.001221]),
+    ("translucent", [0.9, 2.441593, 0.5], true, [0.19476, 0.073037, 0.012173]),
+    ("refraction", [0.9, 2.791593, 0.2], true, [11.198, 4.1994, 0.6999]),
+    ("refraction", [0.9, 2.791593, 0.2], false, [0.34882, 0.13081, 0.021802]),
+    ("refraction", [0.4, 2.591593, 0.2], true, [0.92941, 0.34853, 0.058088]),
+    ("glass 0.3", [0.9, 0.7, 0.2], true, [0.027609, 0.010347, 0.001724]),
+    ("glass 0.3", [0.9, 2.791593, 0.2], true, [4.6822, 1.7547, 0.29235]),
+    ("glass 0.3", [0.9, 2.791593, 0.2], false, [0.051445, 0.019183, 0.003188]),
+    ("glass 0.8", [0.9, 0.7, 0.2], true, [0.005638, 0.002049, 0.000336]),
+    ("glass 0.8", [0.9, 2.791593, 0.2], true, [4.7998, 1.7441, 0.28641]),
+    ("glass 0.8", [0.9, 2.791593, 0.2], false, [1.3888, 0.41925, 0.063771]),
+    ("grain", [0.9, 0.7, 0.3], true, [0.77462, 0.27654, 0.045031]),
+    ("grain across", [0.9, 0.7, 0.3], true, [0.12347, 0.04408, 0.007178]),
+    ("edge tint", [0.9, 0.7, 0.0], true, [1.1196, 0.41337, 0.06855]),
+    ("specular tint", [0.9, 0.7, 0.0], true, [0.20108, 0.10066, 0.069579]),
+    ("principled grain", [0.9, 0.7, 0.3], true, [0.41258, 0.15885, 0.03857]),
+    ("coat", [0.9, 0.7, 0.0], true, [0.25313, 0.11857, 0.075643]),
+    ("principled sheen", [0.9, 0.7, 0.0], true, [0.22531, 0.10922, 0.051285]),
+    ("principled rough", [0.9, 0.7, 0.0], true, [0.18167, 0.084684, 0.046629]),
+    ("principled glass", [0.9, 0.7, 0.0], true, [0.047094, 0.034746, 0.041411]),
+    ("principled glass", [0.9, 2.791593, 0.0], true, [17.645, 10.633, 4.2371]),
+    ("rough diffuse", [0.4, 1.1, 0.5], true, [0.052167, 0.018173, 0.002995]),
+    ("sheen 0.3", [0.4, 1.1, 0.5], true, [0.005904, 0.002214, 0.000369]),
+    ("sheen 0.7", [0.4, 1.1, 0.5], true, [0.054218, 0.020332, 0.003389]),
+    ("translucent", [0.4, 2.041593, 0.5], true, [0.11551, 0.043315, 0.007219]),
+    ("glass 0.3", [0.4, 1.1, 0.2], true, [0.050835, 0.018956, 0.00315]),
+    ("glass 0.3", [0.4, 2.591593, 0.2], true, [0.23877, 0.089033, 0.014797]),
+    ("glass 0.8", [0.4, 1.1, 0.2], true, [0.024869, 0.008468, 0.001346]),
+    ("glass 0.8", [0.4, 2.591593, 0.2], true, [0.29464, 0.10033, 0.015946]),
+    ("grain", [0.4, 1.1, 0.3], true, [0.095831, 0.033013, 0.00528]),
+    ("grain across", [0.4, 1.1, 0.3], true, [0.96683, 0.33307, 0.053272]),
+    ("edge tint", [0.4, 1.1, 0.0], true, [4.5852, 1.841, 0.75531]),
+    ("specular tint", [0.4, 1.1, 0.0], true, [0.71949, 0.73201, 0.82856]),
+    ("principled grain", [0.4, 1.1, 0.3], true, [0.4548, 0.1999, 0.084868]),
+    ("coat", [0.4, 1.1, 0.0], true, [2.2254, 2.066, 2.0059]),
+    ("principled sheen", [0.4, 1.1, 0.0], true, [0.39829, 0.34468, 0.32086]),
+    ("principled rough", [0.4, 1.1, 0.0], true, [0.36267, 0.33998, 0.33048]),
+    ("principled glass", [0.4, 1.1, 0.0], true, [0.27488, 0.28886, 0.32935]),
+    ("principled glass", [0.4, 2.591593, 0.0], true, [2.1673, 1.2863, 0.50529]),
+];
+
+/// The material of a row of [`CYCLES_OTHERS`].
+fn add_other(bsdf: &mut Bsdf, name: &str) {
+    let color = CYCLES_COLOR;
+    let tangent = Vec3A::new(1.0, 0.5, 0.0);
+    let p = principled(color, 0.0, 0.5);
+    let blue = Vec3A::new(0.2, 0.5, 1.0);
+    let params = match name {
+        "rough diffuse" => return bsdf.add_diffuse(ONE, color, UP, 0.7),
+        "translucent" => return bsdf.add_translucent(color, UP),
+        "refraction" => return bsdf.add_refraction(color, UP, 0.5, 1.45),
+        "glass 0.3" => return bsdf.add_glass(ONE, color, UP, 0.3, 1.45, true),
+        "glass 0.8" => return bsdf.add_glass(ONE, color, UP, 0.8, 1.45, true),
+        "sheen 0.3" | "sheen 0.7" => {
+            bsdf.add_sheen(color, UP, if name == "sheen 0.3" { 0.3 } else { 0.7 });
+            return;
+        }
+        "grain" => return bsdf.add_glossy(ONE, color, UP, 0.5, (0.6, tangent), true),
+        "grain across" => {
+            let turned = rotated_about(UP, tangent, 0.1);
+            return bsdf.add_glossy(ONE, color, UP, 0.5, (-0.6, turned), true);
+        }
+        "edge tint" => Principled {
+            metallic: 1.0,
+            roughness: 0.4,
+            specular_tint: blue,
+            ..p
+        },
+        "specular tint" => Principled {
+            roughness: 0.4,
+            specular_tint: blue,
+            ..p
+        },
+        "principled grain" => Principled {
+            metallic: 0.5,
+            anisotropic: 0.7,
+            anisotropic_rotation: 0.2,
+            tangent,
+            ..p
+        },
+        "coat" => Principled {
+            coat: 0.7,
+            coat_roughness: 0.3,
+            coat_ior: 1.6,
+            coat_tint: Vec3A::new(0.9, 0.5, 0.3),
+            ..p
+        },
+        "principled sheen" => Principled {
+            sheen: 0.8,
+            sheen_roughness: 0.4,
+            sheen_tint: Vec3A::new(0.3, 0.6, 0.9),
+            ..p
+        },
+        "principled rough" => Principled {
+            diffuse_roughness: 0.8,
+            ..p
+        },
+        "principled glass" => Principled {
+            transmission: 0.8,
+            specular_tint: blue,
+            ..p
+        },
+        _ => panic!("{name}"),
+    };
+    bsdf.add_principled(ONE, &params);
+}
+
+/// Within 0.2 % of the brightest channel; narrow sheen, which has a fit in place of a table, within
+/// 8 % of the little that it reflects.
+///
+/// Left out is what Cycles counts where a microfacet is met from behind: light that it evaluates from
+/// inside glass, beyond the critical angle, but never samples.
+#[test]
+fn every_closure_looks_as_in_cycles() {
+    for &(name, [cos, sun, around], is_front, pixel) in CYCLES_OTHERS {
+        let mut bsdf = Bsdf::new(UP, seen_under(cos).wo, is_front);
+        add_other(&mut bsdf, name);
+        let across = sun.sin();
+        let wi = Vec3A::new(-across * around.cos(), across * around.sin(), sun.cos());
+        let (ours, pixel) = (bsdf.eval(wi).0.sum(), Vec3A::from(pixel));
+        let error = (ours - pixel).abs().max_element() / pixel.max_element().max(1e-3);
+        let limit = match name {
+            "sheen 0.3" => 0.08,
+            "sheen 0.7" => 0.01,
+            _ => 2e-3,
+        };
+        assert!(
+            error < limit,
+            "{name} {cos} {sun} {is_front}: {ours}, Cycles {pixel}"
+        );
+    }
+}
