@@ -13,6 +13,7 @@ from .nodes import RecursiveGroup, Source, active_output, find_input, surface
 from .report import Warnings
 from .shader import Compiler, Operations, Programs, compile_surface
 from .shader.closures import DEFAULT_SURFACE, diffuse_surface
+from .shader.nodes import displaced_normal
 
 
 @dataclass
@@ -77,8 +78,26 @@ def compile_material(compiler: Compiler, material: bpy.types.Material | None) ->
 
 def _compile_tree(compiler: Compiler, material: bpy.types.Material) -> None:
     output = active_output(material.node_tree)
-    for identifier in ("Volume", "Displacement"):
-        socket = output and find_input(output, identifier)
-        if socket and isinstance(socket.follow(), Source):
-            compiler.missing(identifier)
+    ends = {name: _linked(output, name) for name in ("Volume", "Displacement")}
+    if ends["Volume"]:
+        compiler.missing("Volume")
+    if displacement := ends["Displacement"]:
+        _displace(compiler, material, displacement)
     compile_surface(compiler, surface(material.node_tree))
+
+
+def _linked(output: bpy.types.Node | None, identifier: str) -> Source | None:
+    socket = output and find_input(output, identifier)
+    end = socket and socket.follow()
+    return end if isinstance(end, Source) else None
+
+
+def _displace(compiler: Compiler, material: bpy.types.Material, displacement: Source) -> None:
+    """Bend the normal as the displaced surface would."""
+    normal = displaced_normal(compiler, displacement)
+    if normal is None:
+        compiler.missing(displacement.label)
+        return
+    compiler.normal = normal
+    if material.displacement_method != "BUMP":
+        compiler.missing("True displacement", "bump is shown")

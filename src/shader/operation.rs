@@ -56,7 +56,7 @@ impl Operation {
 }
 
 /// Most lists of modes that an operation has.
-pub(super) const MODE_LISTS: usize = 5;
+pub(super) const MODE_LISTS: usize = 6;
 
 /// What a function of the table reads.
 pub struct Args<'a> {
@@ -188,7 +188,7 @@ pub static OPERATIONS: &[Operation] = &[
     pure("sphere_uv", &["Vector"], None, texture::sphere_uv),
     pure("tube_uv", &["Vector"], None, texture::tube_uv),
     pure("noise", &["Vector", "W", "Scale", "Detail", "Roughness", "Lacunarity", "Offset", "Gain", "Distortion"], Modes(&[DIMENSIONS, &["MULTIFRACTAL", "RIDGED_MULTIFRACTAL", "HYBRID_MULTIFRACTAL", "FBM", "HETERO_TERRAIN"], OFF_ON, &["Fac", "Color"]]), noise::noise),
-    pure("voronoi", &["Vector", "W", "Scale", "Detail", "Roughness", "Lacunarity", "Smoothness", "Exponent", "Randomness"], Modes(&[DIMENSIONS, &["EUCLIDEAN", "MANHATTAN", "CHEBYCHEV", "MINKOWSKI"], &["F1", "F2", "SMOOTH_F1", "DISTANCE_TO_EDGE", "N_SPHERE_RADIUS"], OFF_ON, &["Distance", "Color", "Position", "W", "Radius"]]), voronoi::voronoi),
+    pure("voronoi", &["Vector", "W", "Scale", "Detail", "Roughness", "Lacunarity", "Smoothness", "Exponent", "Randomness"], Modes(&[DIMENSIONS, &["EUCLIDEAN", "MANHATTAN", "CHEBYCHEV", "MINKOWSKI"], &["F1", "F2", "SMOOTH_F1", "DISTANCE_TO_EDGE", "N_SPHERE_RADIUS"], OFF_ON, &["Distance", "Color", "Position", "W", "Radius"], &["LOOKUP3", "PCG"]]), voronoi::voronoi),
     pure("white_noise", &["Vector", "W"], Modes(&[DIMENSIONS, &["Value", "Color"]]), noise::white_noise),
     pure("wave", &["Vector", "Scale", "Distortion", "Detail", "Detail Scale", "Detail Roughness", "Phase Offset"], Modes(&[&["BANDS", "RINGS"], &["X", "Y", "Z", "DIAGONAL"], &["X", "Y", "Z", "SPHERICAL"], &["SIN", "SAW", "TRI"]]), pattern::wave),
     pure("magic", &["Vector", "Scale", "Distortion", "turbulence_depth"], Modes(&[&["Color", "Fac"]]), pattern::magic),
@@ -207,6 +207,8 @@ pub static OPERATIONS: &[Operation] = &[
     here("layer_weight", &["Blend", "Normal"], Modes(&[&["Fresnel", "Facing"]]), normal::layer_weight),
     here("normal_map", &["Strength", "Color", "Tangent", "Sign"], Modes(&[&["TANGENT", "OBJECT", "WORLD", "BLENDER_OBJECT", "BLENDER_WORLD"]]), normal::normal_map),
     here("bump", &["Strength", "Distance", "Normal", "Height", "Height X", "Height Y"], Modes(&[OFF_ON]), normal::bump),
+    here("displacement", &["Height", "Midlevel", "Scale", "Normal"], Modes(&[&["OBJECT", "WORLD"]]), normal::displacement),
+    here("height", &["Displacement"], None, normal::height),
     here("uv_tangent", &[], Attribute, normal::uv_tangent),
     here("radial_tangent", &["Generated"], Modes(&[&["X", "Y", "Z"]]), normal::radial_tangent),
     closure("principled", &["Weight", "Base Color", "Metallic", "Roughness", "IOR", "Normal", "Diffuse Roughness", "Subsurface Weight", "Subsurface Radius", "Subsurface Scale", "Specular IOR Level", "Specular Tint", "Anisotropic", "Anisotropic Rotation", "Tangent", "Transmission Weight", "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal", "Sheen Weight", "Sheen Roughness", "Sheen Tint", "Thin Film Thickness", "Thin Film IOR"], MULTISCATTER, closures::principled),

@@ -385,5 +385,34 @@ impl Draft {
     }
 }
 
+/// For tests: operation, operands (negative ones name constants, -1 the first), parameter.
+#[cfg(test)]
+pub(crate) type Row<'a> = (&'a str, &'a [i64], u32);
+
+#[cfg(test)]
+impl Draft {
+    /// A program in short.
+    pub(crate) fn of(rows: &[Row], constants: &[[f32; 3]]) -> Result<Self> {
+        let (mut instructions, mut operands) = (vec![], vec![]);
+        for (name, given, parameter) in rows {
+            let number = OPERATIONS.iter().position(|o| o.name == *name);
+            let number = number.unwrap_or(OPERATIONS.len()) as u32;
+            instructions.push([number, operands.len() as u32, *parameter, 0]);
+            operands.extend(given.iter().map(|&operand| match operand {
+                0.. => operand as u32,
+                _ => FIRST_CONSTANT + (-operand - 1) as u32,
+            }));
+        }
+        let instructions = Instructions {
+            instructions: &instructions,
+            operands: &operands,
+            constants,
+            tables: [].into(),
+            images: 1,
+        };
+        instructions.draft(0..rows.len())
+    }
+}
+
 #[cfg(test)]
 mod tests;

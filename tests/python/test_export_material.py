@@ -136,7 +136,8 @@ def test_the_simple_shaders() -> None:
         (closure,), warnings = closures_of(
             lambda tree, name=name, inputs=inputs: node(tree, name, **inputs).outputs[0]
         )
-        assert warnings == []
+        tinted = "'Wood': Colour of Transparent BSDF is not rendered yet (its brightness is used)"
+        assert warnings == ([tinted] if kind == "Transparent" else [])
         assert closure.kind == kind
         assert closure["color"] == ([1.0, 0.5, 0.0] if kind == "Emission" else [0.5, 0.25, 0.0])
         assert kind != "Glossy" or closure["roughness"] == 0.25
@@ -223,22 +224,39 @@ def test_what_principled_does_beyond_is_named_once(identifier: str, what: str) -
     assert export_now().warnings == warnings
 
 
-def test_volumes_and_displacement_are_named() -> None:
+def test_volumes_and_true_displacement_are_named() -> None:
     def build(tree: Any) -> Any:
-        shader = node(tree, "ShaderNodeBsdfPrincipled")
         output = tree.nodes["Material Output"]
-        for kind, name in (
-            ("ShaderNodeVolumeScatter", "Volume"),
-            ("ShaderNodeDisplacement", "Displacement"),
-        ):
-            tree.links.new(node(tree, kind).outputs[0], output.inputs[name])
-        return shader.outputs[0]
+        wave = node(tree, "ShaderNodeTexWave")
+        moved = node(tree, "ShaderNodeDisplacement", Height=wave.outputs["Fac"])
+        tree.links.new(moved.outputs[0], output.inputs["Displacement"])
+        volume = node(tree, "ShaderNodeVolumeScatter")
+        tree.links.new(volume.outputs[0], output.inputs["Volume"])
+        return diffuse(tree, 1, 1, 1)
 
-    _, warnings = closures_of(build)
-    assert warnings == [
-        "'Wood': Volume is not rendered yet",
-        "'Wood': Displacement is not rendered yet",
-    ]
+    (closure,), warnings = closures_of(build)
+    assert warnings == ["'Wood': Volume is not rendered yet"]
+    assert closure["normal"] != [0.0, 0.0, 0.0]
+    bpy.data.materials["Wood"].displacement_method = "DISPLACEMENT"
+    assert "'Wood': True displacement is not rendered yet (bump is shown)" in export_now().warnings
+
+
+def test_a_texture_without_an_image_is_magenta_and_numbers_stay_finite() -> None:
+    def build(tree: Any) -> Any:
+        missing = tree.nodes.new("ShaderNodeTexImage")
+        huge = node(tree, "ShaderNodeValue")
+        huge.outputs[0].default_value = float("nan")
+        return node(
+            tree,
+            "ShaderNodeBsdfPrincipled",
+            Base_Color=missing.outputs["Color"],
+            Roughness=huge.outputs[0],
+        ).outputs[0]
+
+    (closure,), warnings = closures_of(build)
+    assert closure["base_color"] == [1.0, 0.0, 1.0]
+    assert closure["roughness"] == 0.0
+    assert warnings == ["'Wood': an Image Texture has no image, magenta is shown"]
 
 
 def test_nodes_of_unknown_type_are_named_and_default() -> None:

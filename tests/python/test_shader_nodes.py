@@ -205,7 +205,7 @@ def noise_cases() -> list[Case]:
             "Vector",
             {"voronoi_dimensions": dimensions, "feature": feature, "normalize": normalize},
             {**cells, "Detail": detail},
-            2e-3,
+            3e-3,
         )
         for dimensions in ("1D", "2D", "3D", "4D")
         for feature, output in features
@@ -254,7 +254,7 @@ def pattern_cases() -> list[Case]:
         ),
         Case("ShaderNodeTexChecker", "Color", "Vector", {}, {"Scale": 4.0}),
         Case("ShaderNodeTexBrick", "Color", "Vector", {"squash": 0.7}, brick, 1e-3),
-        Case("ShaderNodeTexBrick", "Fac", "Vector", {"offset": 0.3}, brick, 1e-3),
+        Case("ShaderNodeTexBrick", "Fac", "Vector", {"offset": 0.3}, brick, 4e-3),
         *(
             Case("ShaderNodeTexGradient", "Color", "Vector", {"gradient_type": kind})
             for kind in enum("ShaderNodeTexGradient", "gradient_type")

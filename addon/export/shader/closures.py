@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from ..nodes import Source
 from .compiler import ONE, ZERO, Compiler
-from .program import Operand
+from .program import Operand, Value
 
 # Blender's reflectance where nothing is known.
 DEFAULT_SURFACE = (0.8, 0.8, 0.8)
@@ -20,7 +20,7 @@ def compile_surface(compiler: Compiler, shader: Source | None) -> None:
 
 def diffuse_surface(compiler: Compiler, color: Operand, weight: Operand = ONE) -> None:
     """Write a diffuse closure, the stand-in where there is nothing better."""
-    compiler.emit("diffuse", weight, color, ZERO, ZERO)
+    compiler.emit("diffuse", weight, color, ZERO, compiler.normal)
 
 
 def _shader(compiler: Compiler, source: Source, weight: Operand) -> None:
@@ -84,6 +84,19 @@ def emission(compiler: Compiler, source: Source, weight: Operand) -> None:
     _emission(compiler, source, "Color", "Strength", weight)
 
 
+def transparent(compiler: Compiler, source: Source, weight: Operand) -> None:
+    """Transparent BSDF. Whether a ray passes is left to chance, which knows no colour."""
+    color = compiler.input(source, "Color")
+    if isinstance(color, Value) or len(set(color)) > 1:
+        compiler.missing("Colour of Transparent BSDF", "its brightness is used")
+    compiler.emit("transparent", weight, color)
+
+
+def holdout(compiler: Compiler, source: Source, weight: Operand) -> None:
+    """Holdout: black; the picture's alpha is left as it is."""
+    compiler.missing("Holdout", "black is shown")
+
+
 def mix(compiler: Compiler, source: Source, weight: Operand) -> None:
     """Mix Shader."""
     factor = compiler.saturated(compiler.input(source, "Fac"))
@@ -119,7 +132,8 @@ SHADERS: dict[str, Shader] = {
     "ShaderNodeBsdfRefraction": closure("refraction"),
     "ShaderNodeBsdfSheen": closure("sheen"),
     "ShaderNodeBsdfTranslucent": closure("translucent"),
-    "ShaderNodeBsdfTransparent": closure("transparent"),
+    "ShaderNodeBsdfTransparent": transparent,
     "ShaderNodeEmission": emission,
+    "ShaderNodeHoldout": holdout,
     "ShaderNodeMixShader": mix,
 }

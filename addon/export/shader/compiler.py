@@ -49,6 +49,8 @@ class Compiler:
         self.programs = programs
         self.images = images
         self.warnings = warnings
+        # The normal of closures whose input is not linked; zero is the surface's own.
+        self.normal: Operand = ZERO
         # What the program reads from meshes.
         self.layers: set[str] = set()
         # Where the nodes at hand are evaluated: at the point itself, or at a neighbour for bumps.
@@ -166,15 +168,19 @@ class Compiler:
             return self.emit("one_minus", operand)
         return (1.0 - operand[0], 1.0 - operand[1], 1.0 - operand[2])
 
+    def warn(self, message: str) -> None:
+        """Tell the user something about the material."""
+        self.warnings.add(self.name, message)
+
     def give_up(self, reason: str) -> None:
         """Warn, and show a black surface: what was written so far may be half of something."""
-        self.warnings.add(self.name, f"{reason}, it is shown in black")
+        self.warn(f"{reason}, it is shown in black")
         self._start = self.programs.count()
 
     def missing(self, what: str, instead: str = "") -> None:
         """Warn that `what` is left out, and say what is shown in its place."""
         suffix = f" ({instead})" if instead else ""
-        self.warnings.add(self.name, f"{what} is not rendered yet{suffix}")
+        self.warn(f"{what} is not rendered yet{suffix}")
 
     def missing_unless(
         self, node: Source, identifier: str, neutral: float, what: str, instead: str = ""
@@ -190,8 +196,15 @@ class Compiler:
     def _implicit(self, source: Source, end: Constant) -> Operand | None:
         """What an input without a link and without a field stands for."""
         socket = end.socket
-        if not socket.hide_value or socket.is_output or not _is_shader_node(socket.node):
+        # Inputs of groups have the value of their field.
+        if (
+            not socket.hide_value
+            or socket.is_output
+            or isinstance(socket.node, bpy.types.NodeGroup)
+        ):
             return None
+        if socket.identifier in ("Normal", "Coat Normal"):
+            return self.normal
         if not source.node.bl_idname.startswith("ShaderNodeTex"):
             return None
         flat = source.node.bl_idname == "ShaderNodeTexImage"
@@ -217,8 +230,3 @@ class Compiler:
         weights = LUMINANCE if kind == COLOR else (1 / 3, 1 / 3, 1 / 3)
         number = sum(w * x for w, x in zip(weights, value, strict=True))
         return (number, number, number)
-
-
-def _is_shader_node(node: bpy.types.Node) -> bool:
-    """Whether the node computes something: inputs of groups have the value of their field."""
-    return not isinstance(node, bpy.types.NodeGroup)

@@ -98,7 +98,8 @@ def image(compiler: Compiler, source: Source) -> Operand:
     node = source.node
     what = "alpha" if source.output.identifier == "Alpha" else "color"
     if node.image is None:
-        return ZERO if what == "alpha" else (1.0, 0.0, 1.0)
+        compiler.warn("an Image Texture has no image, magenta is shown")
+        return ONE if what == "alpha" else (1.0, 0.0, 1.0)
     if node.interpolation not in ("Linear", "Closest"):
         of = f"{node.interpolation} interpolation of '{node.image.name}'"
         compiler.missing(of, "Linear is used")
@@ -240,6 +241,18 @@ def bump(compiler: Compiler, source: Source) -> Operand:
     return compiler.emit_with_modes(source, "bump", operands, (str(source.node.invert),))
 
 
+def displaced_normal(compiler: Compiler, displacement: Source) -> Operand | None:
+    """The normal of a displaced surface, by bump mapping; None for an unknown node."""
+    heights: list[Operand] = []
+    for point in range(3):
+        with compiler.at(point):
+            moved = compiler.output(displacement)
+            if moved is None:
+                return None
+            heights.append(compiler.emit("height", moved))
+    return compiler.emit("bump", ONE, ONE, ZERO, *heights)
+
+
 def tangent(compiler: Compiler, source: Source) -> Operand:
     """The Tangent node."""
     node = source.node
@@ -263,6 +276,9 @@ def object_info(compiler: Compiler, source: Source) -> Operand:
     return Rule("object_info", (OUTPUT,))(compiler, source)
 
 
+# Blender 5.0 changed the hash of Voronoi's cells.
+VORONOI_HASH = "=PCG" if bpy.app.version >= (5, 0, 0) else "=LOOKUP3"
+
 NODES: dict[str, Callable[[Compiler, Source], Operand]] = {
     "ShaderNodeAttribute": attribute,
     "ShaderNodeBlackbody": Rule("blackbody"),
@@ -274,6 +290,7 @@ NODES: dict[str, Callable[[Compiler, Source], Operand]] = {
     "ShaderNodeCombineHSV": combine_color("HSV", HSV),
     "ShaderNodeCombineRGB": combine_color("RGB", RGB),
     "ShaderNodeCombineXYZ": combine_color("RGB", XYZ),
+    "ShaderNodeDisplacement": Rule("displacement", ("space",)),
     "ShaderNodeFloatCurve": curves,
     "ShaderNodeFresnel": Rule("fresnel"),
     "ShaderNodeGamma": Rule("gamma"),
@@ -307,7 +324,8 @@ NODES: dict[str, Callable[[Compiler, Source], Operand]] = {
     "ShaderNodeTexMagic": Rule("magic", (OUTPUT,)),
     "ShaderNodeTexNoise": Rule("noise", ("noise_dimensions", "noise_type", "normalize", OUTPUT)),
     "ShaderNodeTexVoronoi": Rule(
-        "voronoi", ("voronoi_dimensions", "distance", "feature", "normalize", OUTPUT)
+        "voronoi",
+        ("voronoi_dimensions", "distance", "feature", "normalize", OUTPUT, VORONOI_HASH),
     ),
     "ShaderNodeTexWave": Rule(
         "wave", ("wave_type", "bands_direction", "rings_direction", "wave_profile")

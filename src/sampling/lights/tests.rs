@@ -6,7 +6,7 @@ use super::*;
 use crate::contract::{Given, Numbers};
 use crate::math::statistics::{DirectionTest, MAX_SCORE, Random, chi_square_score};
 use crate::scene::{Instance, Material, Mesh};
-use crate::shader::ObjectInfo;
+use crate::shader::{Draft, ObjectInfo};
 
 fn plain_world(radiance: f32) -> World {
     World {
@@ -257,6 +257,27 @@ fn glowing_triangles_shine_to_both_sides() {
         emitted_radiance(&frame, 0, 1, Vec2::splat(0.2), -Vec3A::Z),
         Vec3A::ZERO
     );
+}
+
+#[test]
+fn triangles_that_shine_by_nodes_are_sampled_wherever_they_shine() {
+    let mut frame = glowing_square();
+    // Light where x is above zero: half of the square.
+    let rows: &[(&str, &[i64], u32)] = &[
+        ("geometry", &[], 0),
+        ("vector_math", &[0, -1, -2, -2], 2),
+        ("average", &[1], 0),
+        ("math", &[2, -2, -2], 14),
+        ("emission", &[-3, 3], 0),
+    ];
+    let constants = [[1.0, 0.0, 0.0], [0.0; 3], [10.0; 3]];
+    frame.materials[1] = Material::new(&Draft::of(rows, &constants).unwrap());
+    assert!(frame.materials[1].is_emissive());
+    let at = |barycentric| emitted_radiance(&frame, 0, 0, barycentric, -Vec3A::Z);
+    assert_eq!(at(Vec2::new(0.8, 0.1)), Vec3A::splat(10.0));
+    assert_eq!(at(Vec2::new(0.1, 0.1)), Vec3A::ZERO);
+    let lights = LightSampler::build(&frame, None);
+    assert_irradiance(&lights, Vec3A::Z, 0.5 * PI * 10.0 * form_factor(0.5, 1.0));
 }
 
 #[test]

@@ -273,23 +273,34 @@ pub fn color_of_number(x: f32) -> Vec3A {
     )
 }
 
+/// Three numbers that depend on two.
+pub fn color_of_two(x: f32, y: f32) -> Vec3A {
+    Vec3A::new(
+        hash::floats(&[x, y]),
+        hash::floats(&[x, y, 1.0]),
+        hash::floats(&[x, y, 2.0]),
+    )
+}
+
+/// Three numbers that depend on three.
+pub fn color_of_three(v: Vec3A) -> Vec3A {
+    let [x, y, z] = v.to_array();
+    Vec3A::new(
+        hash::floats(&[x, y, z]),
+        hash::floats(&[x, y, z, 1.0]),
+        hash::floats(&[x, y, z, 2.0]),
+    )
+}
+
 pub fn white_noise(a: &Args) -> Vec3A {
     let (v, w) = (a.vector(0), a.float(1));
     let wants_color = a.mode(1) == 1;
     match (a.mode(0), wants_color) {
         (0, true) => color_of_number(w),
         (0, false) => Vec3A::splat(hash::floats(&[w])),
-        (1, true) => Vec3A::new(
-            hash::floats(&[v.x, v.y]),
-            hash::floats(&[v.x, v.y, 1.0]),
-            hash::floats(&[v.x, v.y, 2.0]),
-        ),
+        (1, true) => color_of_two(v.x, v.y),
         (1, false) => Vec3A::splat(hash::floats(&[v.x, v.y])),
-        (2, true) => Vec3A::new(
-            hash::floats(&[v.x, v.y, v.z]),
-            hash::floats(&[v.x, v.y, v.z, 1.0]),
-            hash::floats(&[v.x, v.y, v.z, 2.0]),
-        ),
+        (2, true) => color_of_three(v),
         (2, false) => Vec3A::splat(hash::floats(&[v.x, v.y, v.z])),
         (_, true) => color_of(v.extend(w)),
         (_, false) => Vec3A::splat(hash::floats(&[v.x, v.y, v.z, w])),

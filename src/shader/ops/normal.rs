@@ -118,6 +118,25 @@ pub fn bump(a: &Args) -> Vec3A {
     (strength * lifted + (1.0 - strength) * normal).normalize_or(normal)
 }
 
+/// Where a displaced point goes, in world space; object space gives the object's units.
+pub fn displacement(a: &Args) -> Vec3A {
+    let [height, midlevel, scale] = a.floats();
+    let (distance, point) = ((height - midlevel) * scale, a.point);
+    let normal = normal_or_own(point, a.vector(3));
+    if a.mode(0) == 1 {
+        return distance * normal;
+    }
+    let normal_object = (point.world_from_object.matrix3.transpose() * normal).normalize_or_zero();
+    point
+        .world_from_object
+        .transform_vector3a(distance * normal_object)
+}
+
+/// How far a displacement lifts the surface.
+pub fn height(a: &Args) -> Vec3A {
+    Vec3A::splat(a.vector(0).dot(a.point.normal))
+}
+
 /// World space, at right angles to the normal.
 fn as_tangent(point: &Point, tangent_object: Vec3A) -> Vec3A {
     let tangent = world_normal(point, tangent_object);

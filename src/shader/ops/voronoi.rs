@@ -19,6 +19,14 @@ struct Voronoi {
     exponent: f32,
     randomness: f32,
     is_normalized: bool,
+    hash: Hash,
+}
+
+/// Blender 5.0 changed the hash of cells in more than one dimension.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Hash {
+    Lookup3,
+    Pcg,
 }
 
 /// What a point knows of the cells around it.
@@ -61,26 +69,43 @@ impl Voronoi {
     }
 
     /// Where in its cell the point lies.
-    fn jitter(&self, lattice: Vec4) -> Vec4 {
-        let [x, y, z, w] = lattice.to_array().map(|v| v as i32);
-        match self.dimensions {
-            1 => Vec4::new(hash::floats(&[lattice.x]), 0.0, 0.0, 0.0),
-            2 => {
-                let [u, v] = hash::cell([x, y]);
+    fn jitter(&self, cell: Vec4) -> Vec4 {
+        let [x, y, z, w] = cell.to_array();
+        match (self.dimensions, self.hash) {
+            (1, _) => Vec4::new(hash::floats(&[x]), 0.0, 0.0, 0.0),
+            (2, Hash::Lookup3) => {
+                Vec4::new(hash::floats(&[x, y]), hash::floats(&[x, y, 1.0]), 0.0, 0.0)
+            }
+            (3, Hash::Lookup3) => noise::color_of_three(cell.truncate().into()).extend(0.0),
+            (_, Hash::Lookup3) => Vec4::new(
+                hash::floats(&[x, y, z, w]),
+                hash::floats(&[w, x, y, z]),
+                hash::floats(&[z, w, x, y]),
+                hash::floats(&[y, z, w, x]),
+            ),
+            (2, Hash::Pcg) => {
+                let [u, v] = hash::cell([x as i32, y as i32]);
                 Vec4::new(u, v, 0.0, 0.0)
             }
-            3 => Vec3A::from_array(hash::cell([x, y, z])).extend(0.0),
-            _ => Vec4::from_array(hash::cell([x, y, z, w])),
+            (3, Hash::Pcg) => self.color(cell).extend(0.0),
+            (_, Hash::Pcg) => Vec4::from_array(hash::cell([x, y, z, w].map(|v| v as i32))),
         }
     }
 
-    fn color(&self, lattice: Vec4) -> Vec3A {
-        let [x, y, z, w] = lattice.to_array().map(|v| v as i32);
-        match self.dimensions {
-            1 => noise::color_of_number(lattice.x),
-            2 => Vec3A::from_array(hash::cell([x, y, 0])),
-            3 => Vec3A::from_array(hash::cell([x, y, z])),
-            _ => Vec3A::from_vec4(Vec4::from_array(hash::cell([x, y, z, w]))),
+    fn color(&self, cell: Vec4) -> Vec3A {
+        let [x, y, z, w] = cell.to_array();
+        let pcg = |z: f32| Vec3A::from_array(hash::cell([x, y, z].map(|v| v as i32)));
+        match (self.dimensions, self.hash) {
+            (1, _) => noise::color_of_number(x),
+            (2, Hash::Lookup3) => noise::color_of_two(x, y),
+            (3, Hash::Lookup3) => noise::color_of_three(cell.truncate().into()),
+            (_, Hash::Lookup3) => noise::color_of(cell),
+            (2, Hash::Pcg) => pcg(0.0),
+            (3, Hash::Pcg) => pcg(z),
+            (_, Hash::Pcg) => {
+                let [r, g, b, _] = hash::cell([x, y, z, w].map(|v| v as i32));
+                Vec3A::new(r, g, b)
+            }
         }
     }
 
@@ -286,6 +311,7 @@ pub fn voronoi(a: &Args) -> Vec3A {
         exponent: a.float(7),
         randomness: a.float(8).clamp(0.0, 1.0),
         is_normalized: a.is_on(3),
+        hash: if a.is_on(5) { Hash::Pcg } else { Hash::Lookup3 },
     };
     let p = match voronoi.dimensions {
         1 => Vec4::new(w, 0.0, 0.0, 0.0),

@@ -3,35 +3,8 @@
 use super::*;
 use crate::error::Error;
 
-fn number(name: &str) -> u32 {
-    let row = OPERATIONS.iter().position(|o| o.name == name);
-    row.unwrap() as u32
-}
-
-/// Operation, operands (negative ones name constants, -1 the first), parameter.
-type Row<'a> = (&'a str, &'a [i64], u32);
-
 fn draft(rows: &[Row], constants: &[[f32; 3]]) -> Result<Draft> {
-    let (mut instructions, mut operands) = (vec![], vec![]);
-    for (name, given, parameter) in rows {
-        instructions.push([number(name), operands.len() as u32, *parameter, 0]);
-        let operand = |&o: &i64| {
-            if o < 0 {
-                FIRST_CONSTANT + (-o - 1) as u32
-            } else {
-                o as u32
-            }
-        };
-        operands.extend(given.iter().map(operand));
-    }
-    let instructions = Instructions {
-        instructions: &instructions,
-        operands: &operands,
-        constants,
-        tables: [].into(),
-        images: 1,
-    };
-    instructions.draft(0..rows.len())
+    Draft::of(rows, constants)
 }
 
 fn closures(program: &Program) -> Vec<Closure> {
