@@ -339,15 +339,19 @@ def log_line(frame: int, method: str, report: dict[str, Any]) -> str:
     """Tell what a frame cost in one line: seconds by phase, rays and samples."""
     seconds = report["seconds"]
     phases = ", ".join(f"{name.replace('_', ' ')} {value:.2f}" for name, value in seconds.items())
+    noise = report.get("noise")
     return (
         f"Frame {frame}: {sum(seconds.values()):.2f} s ({phases}), {method}, "
         f"{report['samples']} samples, {report['rays'] / 1e6:.2f} million rays"
-    )
+    ) + (f", noise {noise:.4f}" if noise is not None else "")
 
 
 def metadata(method: str, report: dict[str, Any]) -> dict[str, str]:
     """Write for the file's metadata what a frame cost."""
     fields = {"method": method, "samples": str(report["samples"]), "rays": str(report["rays"])}
+    noise = report.get("noise")  # measured where a limit on noise or time asked for it
+    if noise is not None:
+        fields["noise"] = f"{noise:.5f}"
     return fields | {
         f"seconds_{phase}": f"{seconds:.4f}" for phase, seconds in report["seconds"].items()
     }

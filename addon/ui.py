@@ -132,6 +132,7 @@ class DUALCONE_PT_sampling(RenderPanel, bpy.types.Panel):
     ) -> None:
         """Draw the settings."""
         layout.prop(settings, "samples")
+        layout.prop(settings, "noise_threshold")
         layout.prop(settings, "time_limit")
         layout.prop(settings, "seed")
 

@@ -518,6 +518,8 @@ settings! {
     clamp_direct: f32 = Kind::Float(0.0, 0.0, 1e8), "Clamp Direct";
     /// Limit on each sample of light that comes by way of other surfaces, against fireflies; it makes pictures darker. 0 for none; Cycles has 10 by default.
     clamp_indirect: f32 = Kind::Float(0.0, 0.0, 1e8), "Clamp Indirect";
+    /// A frame ends early once its noise is this share of its brightness; 0 for never.
+    noise_threshold: f32 = Kind::Float(0.0, 0.0, 1.0), "Noise Threshold";
     /// Seconds a frame may take; 0 for no limit.
     time_limit: f32 = Kind::Float(0.0, 0.0, 1e6), "Time Limit";
     /// Shape of the pixel filter.

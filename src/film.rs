@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3A};
 
 use crate::contract::{PASSES, Settings};
 use crate::error::{Error, Result};
-use crate::math::PixelFilter;
+use crate::math::{PixelFilter, luminance};
 
 /// Depth of a pixel that shows the background, as Blender writes it [m].
 const BACKGROUND_DEPTH: f32 = 1e10;
@@ -123,6 +123,10 @@ impl PixelSums {
         }
     }
 
+    fn luminance(&self) -> f32 {
+        luminance(Vec3A::from(self.radiance))
+    }
+
     /// Adds what the camera ray of an iteration saw.
     pub fn add_sighting(&mut self, iteration: u32, seen: &Sighting) {
         self.coverage += seen.coverage;
@@ -145,6 +149,58 @@ pub struct Film {
     pub region: Region,
     pixels: Vec<PixelSums>,
     samples: u32,
+    noise: Option<NoiseMeter>,
+}
+
+/// How the noise of a frame is measured: by the difference of two halves of its iterations. Pixels
+/// that share samples are as noisy as the halves, which share none, say.
+#[derive(Default)]
+struct NoiseMeter {
+    /// Luminance of each pixel's sum when the number of iterations was last a power of two; empty
+    /// before it ever was.
+    first_half: Vec<f32>,
+    measured: Option<Noise>,
+}
+
+/// What was measured after some iterations.
+#[derive(Debug, Clone, Copy)]
+struct Noise {
+    samples: u32,
+    /// Mean of the squared error over the squared luminance.
+    relative_variance: f64,
+}
+
+/// Added to a squared luminance, so that dark pixels do not rule the noise.
+const DARK: f64 = 0.01;
+/// Iterations from which on the noise is measured: fewer say little.
+const NOISE_FROM: u32 = 8;
+
+impl NoiseMeter {
+    /// Measures where the number of iterations is a power of two: its halves are then the
+    /// iterations since the last one, and those before.
+    fn look(&mut self, pixels: &[PixelSums], samples: u32) {
+        if !samples.is_power_of_two() {
+            return;
+        }
+        let sums = pixels.iter().map(PixelSums::luminance);
+        if samples >= NOISE_FROM && self.first_half.len() == pixels.len() {
+            let halves = sums.clone().zip(&self.first_half);
+            let terms = halves.map(|(all, &first)| {
+                let scale = 1.0 / f64::from(samples);
+                let mean = f64::from(all) * scale;
+                // The mean of two halves is off by half their difference.
+                let error = (f64::from(all) - 2.0 * f64::from(first)) * scale;
+                // A single firefly must not keep a frame from ending.
+                (error * error / (mean * mean + DARK)).min(1.0)
+            });
+            self.measured = Some(Noise {
+                samples,
+                relative_variance: terms.sum::<f64>() / pixels.len() as f64,
+            });
+        }
+        self.first_half.clear();
+        self.first_half.extend(sums);
+    }
 }
 
 impl Film {
@@ -154,7 +210,21 @@ impl Film {
             region,
             pixels: vec![PixelSums::default(); region.width * region.height],
             samples: 0,
+            noise: None,
         }
+    }
+
+    /// From now on measures its noise.
+    pub fn watch_noise(&mut self) {
+        self.noise = Some(NoiseMeter::default());
+    }
+
+    /// The noise as a share of the brightness: root of the mean squared relative error of the
+    /// luminance, where it was measured. It falls as the root of the iterations.
+    pub fn noise(&self) -> Option<f32> {
+        let measured = self.noise.as_ref()?.measured?;
+        let since = f64::from(measured.samples) / f64::from(self.samples);
+        Some((measured.relative_variance * since).sqrt() as f32)
     }
 
     /// The rows, from the lowest.
@@ -170,6 +240,9 @@ impl Film {
     /// Counts an iteration that is complete in every pixel.
     pub fn count_iteration(&mut self) {
         self.samples += 1;
+        if let Some(noise) = &mut self.noise {
+            noise.look(&self.pixels, self.samples);
+        }
     }
 
     /// Iterations so far.
@@ -220,7 +293,8 @@ impl Film {
 
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
-        self.pixels.len() * size_of::<PixelSums>()
+        let halves = self.noise.as_ref().map_or(0, |_| size_of::<f32>());
+        self.pixels.len() * (size_of::<PixelSums>() + halves)
     }
 }
 

@@ -61,6 +61,8 @@ pub struct Report {
     pub rays: u64,
     /// Samples per pixel.
     pub samples: u32,
+    /// Noise as a share of the brightness, where a limit on noise or time asked for it.
+    pub noise: Option<f32>,
     /// Mean over the pixels of gather samples that each is worth, borrowed ones included.
     pub effective_samples: f32,
     /// Bytes held for the frame's pixels, records included.
@@ -182,6 +184,8 @@ struct Target {
     index: usize,
     lenders: Vec<usize>,
     film: Film,
+    /// Whether it is clean enough.
+    is_done: bool,
 }
 
 impl WithEstimator for Iterations<'_> {
@@ -212,19 +216,21 @@ impl WithEstimator for Iterations<'_> {
             self.sample(estimator, iteration, &mut memories, &mut targets)?;
             let sharing = Instant::now();
             pass_1 += sharing - sampling;
-            for target in &mut targets {
+            for target in targets.iter_mut().filter(|target| !target.is_done) {
                 let Target {
                     index,
                     lenders,
                     film,
+                    is_done,
                 } = target;
                 estimator.share(self.views, &memories, *index, lenders, iteration, film)?;
                 film.count_iteration();
+                *is_done = self.is_clean(film);
             }
             pass_2 += sharing.elapsed();
             self.progress.count_iteration();
             self.answer_preview(&targets);
-            if self.is_out_of_time(start) {
+            if self.is_out_of_time(start) || targets.iter().all(|target| target.is_done) {
                 break;
             }
         }
@@ -262,13 +268,29 @@ impl Iterations<'_> {
                     .iter()
                     .filter_map(|&f| window.position(f))
                     .collect(),
-                film: Film::new(self.views[0].region),
+                film: self.film(),
+                is_done: false,
             }
         };
         Ok(frames.iter().map(target).collect())
     }
 
-    /// The first pass over every frame of the window.
+    fn film(&self) -> Film {
+        let mut film = Film::new(self.views[0].region);
+        let settings = &self.job.settings;
+        if settings.noise_threshold > 0.0 || settings.time_limit > 0.0 {
+            film.watch_noise();
+        }
+        film
+    }
+
+    /// Whether a frame's noise has fallen to the threshold.
+    fn is_clean(&self, film: &Film) -> bool {
+        let noise = film.noise().unwrap_or(f32::INFINITY);
+        noise <= self.job.settings.noise_threshold
+    }
+
+    /// The first pass over every frame of the window that an unfinished target needs.
     fn sample<E: Estimator>(
         &self,
         estimator: &E,
@@ -277,11 +299,13 @@ impl Iterations<'_> {
         targets: &mut [Target],
     ) -> Result<()> {
         let mut films: Vec<Option<&mut Film>> = self.views.iter().map(|_| None).collect();
-        for target in targets {
+        let mut is_needed = vec![false; self.views.len()];
+        for target in targets.iter_mut().filter(|target| !target.is_done) {
+            target.lenders.iter().for_each(|&l| is_needed[l] = true);
             films[target.index] = Some(&mut target.film);
         }
-        let frames = self.views.iter().zip(memories).zip(films);
-        for ((view, memory), film) in frames {
+        let frames = self.views.iter().zip(memories).zip(films).zip(is_needed);
+        for (((view, memory), film), _) in frames.filter(|(_, is_needed)| *is_needed) {
             estimator.sample(view, iteration, memory, film)?;
         }
         Ok(())
@@ -313,6 +337,7 @@ impl Iterations<'_> {
             report: Report {
                 resolve_seconds: start.elapsed().as_secs_f64(),
                 samples: target.film.samples(),
+                noise: target.film.noise(),
                 effective_samples: target.film.mean_effective_samples(),
                 ..report
             },

@@ -197,6 +197,7 @@ fn report<'py>(py: Python<'py>, report: &Report) -> PyResult<Bound<'py, PyDict>>
     dict.set_item("seconds", seconds)?;
     dict.set_item("rays", report.rays)?;
     dict.set_item("samples", report.samples)?;
+    dict.set_item("noise", report.noise)?;
     dict.set_item("effective_samples", report.effective_samples)?;
     dict.set_item("pixel_memory_bytes", report.pixel_memory_bytes)?;
     Ok(dict)

@@ -332,6 +332,49 @@ fn a_time_limit_ends_early_with_a_picture() {
     assert!(picture.iter().sum::<f32>() > 0.0);
 }
 
+/// The noise that ends a frame is the true one: the error that a picture of as many samples has
+/// against a clean one, within a fifth (its own scatter over 576 pixels is a tenth). Each frame ends
+/// by itself, whatever range it is rendered in.
+#[test]
+fn a_noise_threshold_ends_a_frame_when_it_says() {
+    let frames: Vec<_> = (0..=3).map(yard).collect();
+    let limited = |targets: &[i32]| {
+        let settings = Settings {
+            samples: 4096,
+            noise_threshold: 0.05,
+            ..settings(Method::DualCone)
+        };
+        let job = shoot(&frames, settings).job(targets);
+        crate::render::render(&job, &Progress::default()).unwrap()
+    };
+    let both = limited(&[1, 2]);
+    let single = limited(&[2]);
+    let combined = |rendered: &crate::render::Rendered| {
+        let pass = rendered.passes.iter().find(|pass| pass.0 == "Combined");
+        pass.unwrap().1.clone()
+    };
+    assert!(combined(&both[1]) == combined(&single[0]));
+    let report = single[0].report;
+    assert!((8..2048).contains(&report.samples), "{report:?}");
+    let clean = Settings {
+        samples: 2048,
+        seed: 1,
+        ..settings(Method::DualCone)
+    };
+    let clean = shoot(&frames, clean).pictures(&[2]).concat();
+    let picture = combined(&single[0]);
+    let errors = picture.as_chunks::<4>().0.iter().zip(clean.as_chunks().0);
+    let luminance = |p: &[f32; 4]| f64::from(crate::math::luminance(Vec3A::new(p[0], p[1], p[2])));
+    let relative =
+        errors.map(|(a, b)| (luminance(a) - luminance(b)).powi(2) / (luminance(b).powi(2) + 0.01));
+    let noise = (relative.sum::<f64>() / 576.0).sqrt();
+    let told = f64::from(report.noise.unwrap());
+    assert!(
+        told <= 0.05 && (noise / told - 1.0).abs() < 0.2,
+        "{noise}, told {told}"
+    );
+}
+
 #[test]
 fn a_frame_whose_scene_is_missing_is_named() {
     let frames = [yard(1), yard(2)];
