@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use glam::Vec3A;
 
 use crate::accel::Accel;
-use crate::contract::{PASSES, Settings};
+use crate::contract::{Method, PASSES, Settings};
 use crate::error::{Error, Result};
 use crate::film::{Film, Region, pixel_filter};
 use crate::path::Tracer;
@@ -261,18 +261,24 @@ impl Iterations<'_> {
             return Err(Error::Missing { field: "targets" });
         }
         let target = |&frame: &i32| {
-            let positions = lenders(&self.job.settings, frame, self.job.step);
+            let index = window.position(frame).unwrap_or_default();
+            let frames = lenders(&self.job.settings, frame, self.job.step);
+            let positions = frames.iter().filter_map(|&f| window.position(f));
             Target {
-                index: window.position(frame).unwrap_or_default(),
-                lenders: positions
-                    .iter()
-                    .filter_map(|&f| window.position(f))
-                    .collect(),
+                index,
+                lenders: positions.filter(|&l| self.is_one_shot(index, l)).collect(),
                 film: self.film(),
                 is_done: false,
             }
         };
         Ok(frames.iter().map(target).collect())
+    }
+
+    /// Whether no cut lies between two frames of the window. The paper's method knows of none.
+    fn is_one_shot(&self, a: usize, b: usize) -> bool {
+        let shot = &self.views[a.min(b)..=a.max(b)];
+        self.job.settings.method == Method::Paper
+            || !shot.windows(2).any(|pair| pair[0].is_cut_before(&pair[1]))
     }
 
     fn film(&self) -> Film {

@@ -68,6 +68,13 @@ impl Shot {
 }
 
 impl View<'_> {
+    /// Whether the camera was cut between this frame and `next`.
+    pub fn is_cut_before(&self, next: &View) -> bool {
+        let size = self.scene_size.max(next.scene_size);
+        let camera = &self.tracer.frame.camera;
+        camera.is_cut_before(&next.tracer.frame.camera, size)
+    }
+
     /// # Errors
     /// [`Error::Cancelled`] once the user wants to stop.
     pub fn check_cancelled(&self) -> Result<()> {

@@ -182,6 +182,18 @@ impl Camera {
         }
     }
 
+    /// Whether the camera was cut between this and `next`, in a scene of this diameter [m]: further
+    /// turned or moved than a shot goes in a frame, so that the two show different places.
+    pub fn is_cut_before(&self, next: &Self, scene_size: f32) -> bool {
+        /// Cosine of 30 degrees.
+        const TURN_COSINE: f32 = 0.866;
+        const MOVE: f32 = 0.1;
+        let forward = |camera: &Self| camera.world_from_camera.matrix3.z_axis.normalize_or_zero();
+        let position = |camera: &Self| camera.world_from_camera.translation;
+        forward(self).dot(forward(next)) < TURN_COSINE
+            || position(self).distance(position(next)) > MOVE * scene_size
+    }
+
     /// Unit vector from a point of world space towards the camera.
     pub fn direction_from(&self, point: Vec3A) -> Vec3A {
         match self.projection {
