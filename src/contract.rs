@@ -413,6 +413,12 @@ pub const PASSES: &[PassSpec] = &[
     ),
     pass("Sample Count", "X", "VALUE", "Camera rays of the pixel."),
     pass(
+        "Borrowing",
+        "X",
+        "VALUE",
+        "From where the pixel borrows samples: 1 from all frames, 0.5 from its own frame only, 0 from nowhere, where it was found to be better off so.",
+    ),
+    pass(
         "Effective Samples",
         "X",
         "VALUE",

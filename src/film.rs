@@ -123,7 +123,8 @@ impl PixelSums {
         }
     }
 
-    fn luminance(&self) -> f32 {
+    /// Luminance of the sum.
+    pub fn luminance(&self) -> f32 {
         luminance(Vec3A::from(self.radiance))
     }
 
@@ -150,6 +151,44 @@ pub struct Film {
     pixels: Vec<PixelSums>,
     samples: u32,
     noise: Option<NoiseMeter>,
+    /// From where each pixel borrows; empty where none does.
+    pub lending: Vec<Lending>,
+    /// What the first iteration brought, until it was judged; empty before and after.
+    pub pilot: Vec<Pilot>,
+}
+
+/// Whose samples a pixel takes beside its own.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Lending {
+    /// Nobody's.
+    #[default]
+    None,
+    /// Those of its frame.
+    Frame,
+    /// Those of the frames around it too.
+    Window,
+}
+
+/// Luminance of a pixel's sum by each way to take samples.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Pilot {
+    /// [`Lending::Window`].
+    pub window: f32,
+    /// [`Lending::Frame`].
+    pub frame: f32,
+    /// [`Lending::None`].
+    pub own: f32,
+}
+
+impl Pilot {
+    /// All without what was there before.
+    pub fn less(self, before: f32) -> Self {
+        Self {
+            window: self.window - before,
+            frame: self.frame - before,
+            own: self.own - before,
+        }
+    }
 }
 
 /// How the noise of a frame is measured: by the difference of two halves of its iterations. Pixels
@@ -211,6 +250,8 @@ impl Film {
             pixels: vec![PixelSums::default(); region.width * region.height],
             samples: 0,
             noise: None,
+            lending: Vec::new(),
+            pilot: Vec::new(),
         }
     }
 
@@ -235,6 +276,11 @@ impl Film {
     /// All pixels, row by row from the lowest.
     pub fn pixels_mut(&mut self) -> &mut [PixelSums] {
         &mut self.pixels
+    }
+
+    /// All pixels, and from where they borrow.
+    pub fn pixels_and_lending(&mut self) -> (&mut [PixelSums], &[Lending]) {
+        (&mut self.pixels, &self.lending)
     }
 
     /// Counts an iteration that is complete in every pixel.
@@ -276,6 +322,13 @@ impl Film {
             "Normal" => each(|p, mean| Vec3A::from(p.normal) * mean),
             "Albedo" => each(|p, mean| Vec3A::from(p.albedo) * mean),
             "Sample Count" => vec![self.samples as f32; self.pixels.len()],
+            "Borrowing" => {
+                let lending = |index| self.lending.get(index).copied().unwrap_or_default();
+                let pixels = 0..self.pixels.len();
+                pixels
+                    .map(|index| 0.5 * lending(index) as u8 as f32)
+                    .collect()
+            }
             "Effective Samples" => self.pixels.iter().map(|p| p.effective_samples).collect(),
             _ => Vec::new(),
         }
@@ -294,7 +347,7 @@ impl Film {
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
         let halves = self.noise.as_ref().map_or(0, |_| size_of::<f32>());
-        self.pixels.len() * (size_of::<PixelSums>() + halves)
+        self.pixels.len() * (size_of::<PixelSums>() + size_of::<Lending>() + halves)
     }
 }
 

@@ -271,36 +271,6 @@ fn a_room_is_less_noisy_with_sharing() {
     assert!(ratio < 0.25, "{ratio}");
 }
 
-/// The error falls as the number of samples rises: no bias stops it. Between 8 and 128 samples, against
-/// path tracing with 4096 samples; the slope scatters by 0.05.
-#[test]
-fn the_error_keeps_falling() {
-    let yards = [yard(0), yard(1), yard(2)];
-    let rooms = [room(0), room(1), room(2)];
-    for (name, frames) in [("yard", &yards), ("room", &rooms)] {
-        let picture = |method, samples, seed| {
-            let settings = Settings {
-                samples,
-                seed,
-                ..settings(method)
-            };
-            shoot(frames, settings).pictures(&[1]).concat()
-        };
-        let reference = picture(Method::Path, 4096, 100);
-        let error = |samples| {
-            let squares = (1..=2).flat_map(|seed| {
-                let pixels = picture(Method::DualCone, samples, seed);
-                let pairs = pixels.into_iter().zip(&reference);
-                let relative = |(a, &b): (f32, &f32)| (a - b) * (a - b) / (b * b + 0.01);
-                pairs.map(relative).collect::<Vec<f32>>()
-            });
-            squares.map(f64::from).sum::<f64>()
-        };
-        let slope = (error(128) / error(8)).ln() / 16f64.ln();
-        assert!(slope < -0.85, "{name}: {slope}");
-    }
-}
-
 #[test]
 fn a_glowing_ball_lights_a_floor_alike_in_every_method() {
     let mut scene = Scene::new();

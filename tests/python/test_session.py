@@ -197,6 +197,10 @@ class TestWords:
         report = {"seconds": {"export": 0.5, "pass_1": 1.25}, "samples": 64, "rays": 2_500_000}
         expected = "Frame 7: 1.75 s (export 0.50, pass 1 1.25), PATH, 64 samples, 2.50 million rays"
         assert session.log_line(7, "PATH", report) == expected
+        assert "noise" not in session.metadata("PATH", report)
+        report["noise"] = 0.0123
+        assert session.log_line(7, "PATH", report) == expected + ", noise 0.0123"
+        assert session.metadata("PATH", report)["noise"] == "0.01230"
 
     def test_pace(self) -> None:
         pace = session.Pace(0.1)

@@ -6,8 +6,9 @@ use super::Memory;
 use super::records::{
     COSINE_LIMIT, LENT_CLASSES, Neighbours, TAN_BETA, UNIT, column, quantised, wide_column,
 };
-use crate::film::PixelSums;
-use crate::kernel::vector::{LANES, Vector, Work, run_on_vectors};
+use crate::film::{Lending, Pilot, PixelSums};
+use crate::kernel::vector::{LANES, Vector, Work, run_on_vectors, upper_half};
+use crate::math::luminance;
 use crate::record::PADDING;
 use crate::reuse::View;
 use crate::scene::Motion;
@@ -107,41 +108,102 @@ struct Place {
     is_of_object: bool,
 }
 
+/// What a row of pixels says about borrowing.
+pub enum Notes<'a> {
+    /// From where each pixel borrows.
+    Choice(&'a [Lending]),
+    /// All borrow from the window, and what they get by each way is noted.
+    Pilot(&'a mut [Pilot]),
+}
+
 /// One row of pixels that borrow.
 struct BorrowRow<'a> {
     borrow: &'a Borrow<'a>,
     y: usize,
     pixels: &'a mut [PixelSums],
+    notes: Notes<'a>,
 }
 
 impl Work for BorrowRow<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<V: Vector>(self) {
-        let Self { borrow, y, pixels } = self;
-        let memory = &borrow.memories[borrow.target];
-        for (x, pixel) in pixels.iter_mut().enumerate() {
-            let Some(block) = borrow.block(x, y) else {
-                continue;
+    fn run<V: Vector>(mut self) {
+        for (x, pixel) in self.pixels.iter_mut().enumerate() {
+            let lending = match &self.notes {
+                Notes::Choice(lending) => lending[x],
+                Notes::Pilot(_) => Lending::Window,
             };
-            let mut sums = Sums::<V>::new();
-            borrow.add_lenders(&block, x, y, &mut sums);
-            let receiver = &memory.receivers[y * borrow.width() + x];
-            pixel.add_radiance(receiver.albedo() * sums.irradiance());
-            pixel.add_effective_samples(sums.effective_samples(borrow.classes));
+            let before = pixel.luminance();
+            let [own, frame] = self.borrow.add_pixel::<V>(x, self.y, lending, pixel);
+            if let Notes::Pilot(pilot) = &mut self.notes {
+                pilot[x] = Pilot {
+                    window: pixel.luminance(),
+                    frame: before + frame,
+                    own: before + own,
+                };
+            }
         }
     }
 }
 
 impl Borrow<'_> {
     /// Adds what the pixels of row `y` borrow.
-    pub fn add_row(&self, y: usize, pixels: &mut [PixelSums]) {
+    pub fn add_row(&self, y: usize, pixels: &mut [PixelSums], notes: Notes) {
         run_on_vectors(BorrowRow {
             borrow: self,
             y,
             pixels,
+            notes,
         });
+    }
+
+    /// Adds what a pixel gets from there; returns the luminance that it would have got by its own
+    /// sample and by those of its frame.
+    #[inline(always)]
+    fn add_pixel<V: Vector>(
+        &self,
+        x: usize,
+        y: usize,
+        lending: Lending,
+        pixel: &mut PixelSums,
+    ) -> [f32; 2] {
+        let Some(block) = self.block(x, y) else {
+            return [0.0; 2];
+        };
+        let albedo = self.receiver(x, y).albedo();
+        let own = albedo * self.own_irradiance(x, y);
+        if lending == Lending::None {
+            pixel.add_radiance(own);
+            pixel.add_effective_samples(1.0);
+            return [luminance(own); 2];
+        }
+        let mut sums = Sums::<V>::new();
+        let is_own = |lender: &usize| self.lenders[*lender] == self.target;
+        for lender in (0..self.lenders.len()).filter(is_own) {
+            self.add_lender(&block, lender, x, y, &mut sums);
+        }
+        let frame = albedo * sums.irradiance();
+        if lending == Lending::Window {
+            for lender in (0..self.lenders.len()).filter(|lender| !is_own(lender)) {
+                self.add_lender(&block, lender, x, y, &mut sums);
+            }
+        }
+        pixel.add_radiance(albedo * sums.irradiance());
+        pixel.add_effective_samples(sums.effective_samples(self.classes));
+        [luminance(own), luminance(frame)]
+    }
+
+    fn receiver(&self, x: usize, y: usize) -> &Receiver {
+        &self.memories[self.target].receivers[y * self.width() + x]
+    }
+
+    /// Irradiance over pi by the pixel's own record alone.
+    fn own_irradiance(&self, x: usize, y: usize) -> Vec3A {
+        let (_, narrow) = self.memories[self.target].records.rows(y);
+        let value = [0, 1, 2].map(|axis| upper_half(narrow.get(column::VALUE + axis, x)));
+        let cosine = f32::from(narrow.get(column::COSINE, x)) / UNIT;
+        Vec3A::from_array(value) * cosine
     }
 
     fn width(&self) -> usize {
@@ -172,7 +234,7 @@ impl Borrow<'_> {
         Some(Block {
             position,
             geometric_normal,
-            normal: memory.receivers[index].normal(),
+            normal: self.receiver(x, y).normal(),
             object: wide.get(wide_column::OBJECT, x),
             distance_squared: (DIAGONAL * side * pixel_size).powi(2),
             inverse_radius_squared: TAN_BETA.map(|tan_beta| {
@@ -225,25 +287,31 @@ impl Borrow<'_> {
         })
     }
 
+    /// Adds what the block holds in one lender.
     #[inline(always)]
-    fn add_lenders<V: Vector>(&self, block: &Block, x: usize, y: usize, sums: &mut Sums<V>) {
+    fn add_lender<V: Vector>(
+        &self,
+        block: &Block,
+        lender: usize,
+        x: usize,
+        y: usize,
+        sums: &mut Sums<V>,
+    ) {
+        let Some(place) = self.place(block, lender, x, y) else {
+            return;
+        };
         let side = 2 * self.half_block + 1;
-        for lender in 0..self.lenders.len() {
-            let Some(place) = self.place(block, lender, x, y) else {
-                continue;
-            };
-            let wanted = Wanted::new(block, &place);
-            let frame = self.lenders[lender];
-            let height = self.views[frame].region.height as i64;
-            let first = place.y.clamp(0, height);
-            let last = (place.y + side as i64).clamp(0, height);
-            for y in first..last {
-                let rows = self.memories[frame].records.rows(y as usize);
-                for start in (0..side).step_by(LANES) {
-                    let inside = V::load(&LANE).at_most(V::splat((side - start) as f32 - 0.5));
-                    let neighbours = Neighbours::new(rows, place.x + start as i64);
-                    sums.add(&wanted, &neighbours, inside, self.classes);
-                }
+        let wanted = Wanted::new(block, &place);
+        let frame = self.lenders[lender];
+        let height = self.views[frame].region.height as i64;
+        let first = place.y.clamp(0, height);
+        let last = (place.y + side as i64).clamp(0, height);
+        for y in first..last {
+            let rows = self.memories[frame].records.rows(y as usize);
+            for start in (0..side).step_by(LANES) {
+                let inside = V::load(&LANE).at_most(V::splat((side - start) as f32 - 0.5));
+                let neighbours = Neighbours::new(rows, place.x + start as i64);
+                sums.add(&wanted, &neighbours, inside, self.classes);
             }
         }
     }

@@ -21,16 +21,18 @@
 mod borrow;
 mod records;
 mod sample;
+mod veto;
 
 use rayon::prelude::*;
 
-use self::borrow::{Borrow, Receiver, kernel_floor};
+use self::borrow::{Borrow, Notes, Receiver, kernel_floor};
 use self::records::{Class, LENT_CLASSES, Records};
 use self::sample::Pass;
+use self::veto::{Costs, PILOT_ITERATIONS};
 use super::{Estimator, View};
 use crate::contract::Settings;
 use crate::error::Result;
-use crate::film::{Film, PixelSums, Region};
+use crate::film::{Film, Lending, Pilot, PixelSums, Region};
 use crate::kernel::vector::{to_upper_half, upper_half};
 use crate::path::{Bounces, take_rays};
 use crate::sampling::Part;
@@ -167,13 +169,67 @@ impl Estimator for DualCone {
             half_block: self.half_block,
             kernel_floor: kernel_floor(iteration),
         };
-        let rows = film.pixels_mut().par_chunks_mut(view.region.width);
-        rows.enumerate().try_for_each(|(y, pixels)| {
+        if iteration >= PILOT_ITERATIONS {
+            return share_as_chosen(&borrow, film);
+        }
+        let pilot = share_all_ways(&borrow, film)?;
+        self.choose(view, lenders.len(), pilot, film);
+        Ok(())
+    }
+}
+
+impl DualCone {
+    /// Once both pilot iterations are there, chooses from where pixels go on borrowing.
+    fn choose(&self, view: &View, lenders: usize, pilot: Vec<Pilot>, film: &mut Film) {
+        if film.pilot.is_empty() {
+            film.lending = vec![Lending::Window; pilot.len()];
+            film.pilot = pilot;
+            return;
+        }
+        let first = std::mem::take(&mut film.pilot);
+        let both = pilot.iter().zip(&first);
+        let second: Vec<Pilot> = both.map(|(sum, first)| sum.less(first.window)).collect();
+        let records = (2 * self.half_block + 1).pow(2);
+        let costs = Costs::new(records, lenders, lends_indirect(view));
+        film.lending = veto::choose(view.region, &first, &second, costs);
+    }
+}
+
+/// Every pixel borrows; returns what each has then, and what it would have otherwise.
+fn share_all_ways(borrow: &Borrow, film: &mut Film) -> Result<Vec<Pilot>> {
+    let view = &borrow.views[borrow.target];
+    let mut pilot = vec![Pilot::default(); film.pixels_mut().len()];
+    let rows = film.pixels_mut().par_chunks_mut(view.region.width);
+    let notes = pilot.par_chunks_mut(view.region.width);
+    rows.zip(notes)
+        .enumerate()
+        .try_for_each(|(y, (pixels, pilot))| {
             view.check_cancelled()?;
-            borrow.add_row(y, pixels);
+            borrow.add_row(y, pixels, Notes::Pilot(pilot));
+            Ok(())
+        })?;
+    Ok(pilot)
+}
+
+/// Every pixel borrows from where it was chosen to.
+fn share_as_chosen(borrow: &Borrow, film: &mut Film) -> Result<()> {
+    let view = &borrow.views[borrow.target];
+    let (pixels, lending) = film.pixels_and_lending();
+    let rows = pixels.par_chunks_mut(view.region.width);
+    let choices = lending.par_chunks(view.region.width);
+    rows.zip(choices)
+        .enumerate()
+        .try_for_each(|(y, (pixels, choice))| {
+            view.check_cancelled()?;
+            borrow.add_row(y, pixels, Notes::Choice(choice));
             Ok(())
         })
-    }
+}
+
+/// Whether gather rays bring light that surfaces reflect.
+fn lends_indirect(view: &View) -> bool {
+    let bounces = Bounces::default().after(Part::Diffuse);
+    !bounces.at_limit(view.tracer.settings)
 }
 
 /// Classes that light in a frame may be of.
@@ -182,8 +238,7 @@ fn lent_classes(view: &View) -> [bool; LENT_CLASSES] {
     let mut add = |class: Class| classes[class as usize] = true;
     let leaves = view.light_tree.leaves().iter();
     leaves.for_each(|leaf| add(Class::of_sky(leaf)));
-    let bounces = Bounces::default().after(Part::Diffuse);
-    if !bounces.at_limit(view.tracer.settings) {
+    if lends_indirect(view) {
         add(Class::Indirect);
     }
     classes
