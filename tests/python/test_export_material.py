@@ -300,6 +300,39 @@ def test_distributions_beyond_are_named() -> None:
     ]
 
 
+@pytest.mark.skipif(bpy.app.version < (4, 3, 0), reason="Metallic BSDF came with Blender 4.3")
+def test_a_metal_of_known_index_has_fresnels_colours() -> None:
+    n, k = np.array([0.2, 1.0, 2.0]), np.array([3.0, 2.0, 1.0])
+
+    def build(tree: Any) -> Any:
+        metal = node(
+            tree, "ShaderNodeBsdfMetallic", IOR=(0.2, 1.0, 2.0), Extinction=(3.0, 2.0, 1.0)
+        )
+        metal.fresnel_type = "PHYSICAL_CONDUCTOR"
+        return metal.outputs[0]
+
+    (closure,), warnings = closures_of(build)
+    assert warnings == []
+    facing = ((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2)
+    assert np.allclose(closure["base_color"], facing, atol=1e-6)
+    # The complex Fresnel equations at a cosine of 1/7.
+    cos, index = 1 / 7, n + 1j * k
+    inside = np.sqrt(1 - (1 - cos**2) / index**2)
+    across = (cos - index * inside) / (cos + index * inside)
+    along = (index * cos - inside) / (index * cos + inside)
+    exact = 0.5 * (abs(across) ** 2 + abs(along) ** 2)
+    schlick = facing + (1 - facing) * (1 - cos) ** 5
+    assert np.allclose(closure["specular_tint"] * schlick, np.minimum(exact, schlick), atol=1e-6)
+
+
+def test_a_grain_without_a_tangent_runs_around_the_objects_axis() -> None:
+    def build(tree: Any) -> Any:
+        return node(tree, "ShaderNodeBsdfPrincipled", Anisotropic=0.5).outputs[0]
+
+    (closure,), _ = closures_of(build, uv=(0.75, 0.5))
+    assert np.allclose(closure["tangent"], (0.0, 1.0, 0.0))
+
+
 def test_no_material_and_no_surface() -> None:
     add_mesh("Bare")
     empty = add_mesh("Black", size=2.0)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
-from ..nodes import Source
+from ..nodes import Color, Source
 from .compiler import ONE, ZERO, Compiler
 from .program import Operand, Value
 
@@ -55,15 +55,19 @@ def closure(name: str) -> Shader:
     """A node that is one closure."""
 
     def compile_closure(compiler: Compiler, source: Source, weight: Operand) -> None:
-        distribution = getattr(source.node, "distribution", "GGX")
-        if distribution not in ("GGX", "MULTI_GGX", "MICROFIBER"):
-            instead = "Microfiber" if name == "sheen" else "GGX"
-            what = distribution.replace("_", "-").title()
-            compiler.missing(f"{what} distribution", f"{instead} is used")
-        compiler.missing_unless(source, "Thin Film Thickness", 0.0, "Thin Film")
+        _warn_of_closure(compiler, source, name)
         _closure(compiler, source, name, weight)
 
     return compile_closure
+
+
+def _warn_of_closure(compiler: Compiler, source: Source, name: str) -> None:
+    distribution = getattr(source.node, "distribution", "GGX")
+    if distribution not in ("GGX", "MULTI_GGX", "MICROFIBER"):
+        instead = "Microfiber" if name == "sheen" else "GGX"
+        what = distribution.replace("_", "-").title()
+        compiler.missing(f"{what} distribution", f"{instead} is used")
+    compiler.missing_unless(source, "Thin Film Thickness", 0.0, "Thin Film")
 
 
 def principled(compiler: Compiler, source: Source, weight: Operand) -> None:
@@ -77,6 +81,60 @@ def principled(compiler: Compiler, source: Source, weight: Operand) -> None:
     _emission(compiler, source, "Emission Color", "Emission Strength", opaque)
     if alpha != ONE:
         compiler.emit("transparent", compiler.times(weight, compiler.rest(alpha)), ONE)
+
+
+def metallic(compiler: Compiler, source: Source, weight: Operand) -> None:
+    """Metallic BSDF: the metal of a Principled BSDF, which has the same Fresnel curve.
+
+    That of a physical conductor is matched where it meets the curve: at 0 and about 82 degrees.
+    """
+    _warn_of_closure(compiler, source, "metallic")
+    color, edge = compiler.input(source, "Base Color"), compiler.input(source, "Edge Tint")
+    if source.node.fresnel_type == "PHYSICAL_CONDUCTOR":
+        index, extinction = (compiler.input(source, name) for name in ("IOR", "Extinction"))
+        if isinstance(index, Value) or isinstance(extinction, Value):
+            compiler.missing("Physical conductor with textures", "Base Color is used")
+        else:
+            pairs = list(zip(index, extinction, strict=True))
+            color = _color(conductor_reflectance(1.0, *pair) for pair in pairs)
+            edge = _color(edge_tint(*pair) for pair in pairs)
+    given: dict[str, Operand] = {
+        "Weight": weight,
+        "Base Color": color,
+        "Metallic": ONE,
+        "Specular Tint": edge,
+        "Anisotropic": compiler.input(source, "Anisotropy"),
+        "Anisotropic Rotation": compiler.input(source, "Rotation"),
+    }
+    own = ("Roughness", "Normal", "Tangent")
+    given |= {name: compiler.input(source, name) for name in own}
+    operands = (given.get(name, ZERO) for name in compiler.operations["principled"].inputs)
+    keeps_all = source.node.distribution == "MULTI_GGX"
+    compiler.emit("principled", *operands, parameter=int(keeps_all))
+
+
+def conductor_reflectance(cos: float, index: float, extinction: float) -> float:
+    """Fresnel's reflectance of a metal for unpolarised light."""
+    n2, k2, sin2 = index**2, extinction**2, 1.0 - cos**2
+    t0 = n2 - k2 - sin2
+    a2_b2 = (t0**2 + 4.0 * n2 * k2) ** 0.5
+    t1, t2 = a2_b2 + cos**2, 2.0 * cos * max(0.5 * (a2_b2 + t0), 0.0) ** 0.5
+    across = (t1 - t2) / (t1 + t2)
+    t3, t4 = cos**2 * a2_b2 + sin2**2, t2 * sin2
+    return 0.5 * (across + across * (t3 - t4) / (t3 + t4))
+
+
+def edge_tint(index: float, extinction: float) -> float:
+    """Reflectance at a cosine of 1/7 over what Schlick's curve has there."""
+    cos = 1.0 / 7.0
+    facing = conductor_reflectance(1.0, index, extinction)
+    schlick = facing + (1.0 - facing) * (1.0 - cos) ** 5
+    return min(conductor_reflectance(cos, index, extinction) / schlick, 1.0)
+
+
+def _color(channels: Iterable[float]) -> Color:
+    red, green, blue = channels
+    return (red, green, blue)
 
 
 def emission(compiler: Compiler, source: Source, weight: Operand) -> None:
@@ -128,6 +186,7 @@ SHADERS: dict[str, Shader] = {
     "ShaderNodeBsdfAnisotropic": closure("glossy"),  # the id of Glossy since 4.0
     "ShaderNodeBsdfDiffuse": closure("diffuse"),
     "ShaderNodeBsdfGlass": closure("glass"),
+    "ShaderNodeBsdfMetallic": metallic,
     "ShaderNodeBsdfPrincipled": principled,
     "ShaderNodeBsdfRefraction": closure("refraction"),
     "ShaderNodeBsdfSheen": closure("sheen"),

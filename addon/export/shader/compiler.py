@@ -205,10 +205,22 @@ class Compiler:
             return None
         if socket.identifier in ("Normal", "Coat Normal"):
             return self.normal
+        if socket.identifier == "Tangent":
+            return self._tangent(source)
         if not source.node.bl_idname.startswith("ShaderNodeTex"):
             return None
         flat = source.node.bl_idname == "ShaderNodeTexImage"
         return self.uv() if flat else self.generated()
+
+    def _tangent(self, source: Source) -> Operand:
+        """The direction of a grain: around the object's Z axis; not asked for without a grain."""
+        for identifier in ("Anisotropic", "Anisotropy"):
+            socket = source.input(identifier)
+            end = socket and socket.follow()
+            if isinstance(end, Source) or (end and end.number() != 0.0):
+                axis_z = self.operations["radial_tangent"].parameter(("Z",)) or 0
+                return self.emit("radial_tangent", self.generated(), parameter=axis_z)
+        return ZERO
 
     def _constant(self, constant: Constant, kind: str) -> Operand:
         value = constant.color()
