@@ -103,7 +103,8 @@ def _settle_alpha(image: bpy.types.Image, pixels: np.ndarray, multiply: bool) ->
     """
     if image.alpha_mode == "NONE":
         pixels[..., 3] = 1.0
-    if image.alpha_mode in ("NONE", "CHANNEL_PACKED") or multiply == image.is_float:
+    apart = image.alpha_mode in ("NONE", "CHANNEL_PACKED") or _is_data(image)
+    if apart or multiply == image.is_float:
         return
     color, alpha = pixels[..., :3], pixels[..., 3:]
     if multiply:
@@ -112,10 +113,16 @@ def _settle_alpha(image: bpy.types.Image, pixels: np.ndarray, multiply: bool) ->
         np.divide(color, alpha, out=color, where=alpha > 0.0)
 
 
+def _is_data(image: bpy.types.Image) -> bool:
+    """Whether the channels are numbers, that no colour management and no alpha touches."""
+    settings = image.colorspace_settings
+    return settings.is_data or settings.name in DATA_SPACES
+
+
 def _to_scene_linear(image: bpy.types.Image, pixels: np.ndarray, warnings: Warnings) -> None:
     """Colours from the image's own space. Float buffers were converted when Blender loaded them."""
     space = image.colorspace_settings.name
-    if image.is_float or space in DATA_SPACES or image.colorspace_settings.is_data:
+    if image.is_float or _is_data(image):
         return
     if space in LINEAR_SPACES and hasattr(Color, LINEAR_SPACES[space]):
         _apply_matrix(pixels, LINEAR_SPACES[space])

@@ -109,6 +109,15 @@ def test_alpha_as_in_cycles(kind: str, alpha_mode: str, with_alpha: bool, tmp_pa
     assert_cycles_shows(export_now(), tmp_path)
 
 
+@pytest.mark.parametrize("with_alpha", [False, True])
+@pytest.mark.parametrize("kind", ["PNG", "OPEN_EXR"])
+def test_no_alpha_touches_data(kind: str, with_alpha: bool, tmp_path: Path) -> None:
+    image = load(save_image(tmp_path, kind))
+    image.colorspace_settings.name = "Non-Color"
+    emitting_plane(image, with_alpha)
+    assert_cycles_shows(export_now(), tmp_path)
+
+
 @pytest.mark.parametrize(
     "space", ["sRGB", "Non-Color", "Linear Rec.709", "ACEScg", "Linear Rec.2020", "ACES2065-1"]
 )
