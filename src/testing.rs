@@ -141,6 +141,23 @@ pub(crate) fn glossy(reflectance: f32, roughness: f32) -> Material {
     Material::of(&[("glossy", &inputs)])
 }
 
+/// White glass.
+pub(crate) fn glass(roughness: f32) -> Material {
+    let inputs = [
+        ("Weight", 1.0),
+        ("Color", 1.0),
+        ("Roughness", roughness),
+        ("IOR", 1.45),
+    ];
+    Material::of(&[("glass", &inputs)])
+}
+
+/// A sheet that reflects and lets through half of the light each.
+pub(crate) fn paper() -> Material {
+    let half = [("Weight", 0.5), ("Color", 1.0)];
+    Material::of(&[("diffuse", &half), ("translucent", &half)])
+}
+
 /// A surface that only shines.
 pub(crate) fn glowing(radiance: f32) -> Material {
     Material::of(&[("emission", &[("Weight", 1.0), ("Color", radiance)])])
