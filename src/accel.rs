@@ -165,7 +165,7 @@ mod tests {
     use crate::contract::{Given, Numbers};
     use crate::kernel::TriangleBvh;
     use crate::math::statistics::Random;
-    use crate::scene::World;
+    use crate::scene::{Reach, Visibility, World};
     use glam::{EulerRot, Mat3A, Quat, Vec3};
     use std::sync::Arc;
 
@@ -218,6 +218,8 @@ mod tests {
             world_from_normal: object_from_world.matrix3.transpose(),
             info: crate::shader::ObjectInfo::default(),
             materials: vec![],
+            visibility: Visibility::ALL,
+            is_holdout: false,
         }
     }
 
@@ -248,7 +250,9 @@ mod tests {
             world: World {
                 radiance: Vec3A::ZERO,
                 image: None,
+                camera_image: None,
                 environment_from_world: Mat3A::IDENTITY,
+                reach: Reach::ALL,
             },
         }
     }

@@ -15,7 +15,7 @@ use crate::math::Ray;
 use crate::sampling::{
     Bsdf, LightSample, LightSampler, LobePdfs, LobeValues, Part, Sampler, Strategy,
 };
-use crate::scene::SceneFrame;
+use crate::scene::{self, SceneFrame};
 use crate::shader::{RayInfo, RayKind};
 use crate::surface::{self, Surface};
 
@@ -35,7 +35,7 @@ pub struct Tracer<'a> {
     pub lights: &'a LightSampler,
     /// The settings.
     pub settings: &'a Settings,
-    /// Whether a surface of the frame lets light through.
+    /// Whether a surface of the frame lets light through, or is not seen by some rays.
     pub see_through: bool,
 }
 
@@ -92,6 +92,17 @@ impl Bounces {
         }
     }
 
+    /// Number of the vertex that is lit by what the ray that follows finds; the camera's counts as
+    /// the first surface.
+    fn lit_vertex(&self) -> u32 {
+        self.total.saturating_sub(1)
+    }
+
+    /// The ray that follows, as Ray Visibility counts it.
+    pub fn sight(&self) -> scene::RayKind {
+        sight(&self.ray_info())
+    }
+
     /// Whether the ray that follows only looks for lights. As in Cycles, a limit of zero leaves
     /// direct light: the ray that follows the first event still sees what shines.
     pub fn at_limit(&self, settings: &Settings) -> bool {
@@ -99,6 +110,17 @@ impl Bounces {
             || self.diffuse > settings.diffuse_bounces
             || self.glossy > settings.glossy_bounces
             || self.transmission > settings.transmission_bounces
+    }
+}
+
+/// A ray as Ray Visibility counts it.
+fn sight(info: &RayInfo) -> scene::RayKind {
+    match info.kind {
+        RayKind::Shadow => scene::RayKind::Shadow,
+        _ if info.is_transmission => scene::RayKind::Transmission,
+        RayKind::Camera => scene::RayKind::Camera,
+        RayKind::Diffuse => scene::RayKind::Diffuse,
+        RayKind::Glossy => scene::RayKind::Glossy,
     }
 }
 
@@ -239,7 +261,10 @@ impl<'a> Tracer<'a> {
         }
         let mut passed = Passed::default();
         let chance = Chance::new(bounces, sampler);
-        let accept = |hit: &Hit| self.is_stopped(hit, ray, &info, &chance) || passed.note(hit);
+        let accept = |hit: &Hit| {
+            self.is_seen(hit, &info)
+                && (self.is_stopped(hit, ray, &info, &chance) || passed.note(hit))
+        };
         let hit = self.accel.closest_hit_where(self.frame, ray, accept);
         let end = hit.map_or(f32::INFINITY, |hit| hit.t);
         match passed.beyond(self.settings.transparent_max_bounces, end) {
@@ -280,10 +305,19 @@ impl<'a> Tracer<'a> {
     ) -> bool {
         let mut passed = Passed::default();
         let chance = Chance::new(bounces, sampler);
-        let accept = |hit: &Hit| self.is_stopped(hit, ray, info, &chance) || passed.note(hit);
+        let accept = |hit: &Hit| {
+            self.is_seen(hit, info)
+                && (self.is_stopped(hit, ray, info, &chance) || passed.note(hit))
+        };
         let limit = self.settings.transparent_max_bounces;
         self.accel.occluded_where(self.frame, ray, accept)
             || passed.beyond(limit, f32::INFINITY).is_some()
+    }
+
+    /// Whether a ray meets what lies on it, or does not even see it.
+    fn is_seen(&self, hit: &Hit, info: &RayInfo) -> bool {
+        let instance = &self.frame.instances[hit.instance as usize];
+        instance.visibility.includes(sight(info))
     }
 
     /// Transparency by chance: a surface of opacity a stops a ray with probability a.
@@ -430,7 +464,11 @@ impl<'a> Tracer<'a> {
 
     fn environment(&self, from: &Continuation) -> Vec3A {
         let direction = from.ray.direction;
-        let radiance = self.lights.environment_radiance(direction);
+        let (kind, vertex) = (from.bounces.sight(), from.bounces.lit_vertex());
+        let radiance = self.lights.environment_radiance(direction, kind, vertex);
+        if radiance == Vec3A::ZERO {
+            return radiance;
+        }
         let pdf_light =
             self.lights
                 .environment_pdf(from.position, from.normal, from.strategy, direction);
@@ -443,9 +481,10 @@ impl<'a> Tracer<'a> {
             t_max: distance,
             ..from.ray
         };
+        let (kind, vertex) = (from.bounces.sight(), from.bounces.lit_vertex());
         let lamps = self
             .lights
-            .lamps_along(&ray, from.normal, from.strategy, false);
+            .lamps_along(&ray, from.normal, from.strategy, kind, vertex);
         lamps
             .map(|lamp| lamp.radiance * balance(from.pdf_solid_angle, lamp.pdf_solid_angle))
             .sum()
@@ -500,6 +539,7 @@ impl<'a> Tracer<'a> {
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
         let (values, own) = surface.bsdf.eval(light.direction);
+        let values = found_by(light, values, from.total);
         if values.sum() == Vec3A::ZERO || self.is_shadowed(surface, light, from, sampler) {
             return LobeValues::default();
         }
@@ -520,9 +560,26 @@ impl<'a> Tracer<'a> {
         from: &Bounces,
         sampler: &Sampler,
     ) -> bool {
+        if !light.reach.visibility.includes(scene::RayKind::Shadow) {
+            return false;
+        }
         let mut ray = surface.ray_towards(light.direction);
         ray.t_max = light.distance * SHADOW_END;
         self.is_occluded(&ray, from, sampler)
+    }
+}
+
+/// What a surface does with light, as far as rays from its parts would find the light.
+fn found_by(light: &LightSample, values: LobeValues, vertex: u32) -> LobeValues {
+    let part = |value, kind| match light.reach.includes(kind, vertex) {
+        true => value,
+        false => Vec3A::ZERO,
+    };
+    LobeValues {
+        lambert: part(values.lambert, scene::RayKind::Diffuse),
+        diffuse: part(values.diffuse, scene::RayKind::Diffuse),
+        glossy: part(values.glossy, scene::RayKind::Glossy),
+        transmission: part(values.transmission, scene::RayKind::Transmission),
     }
 }
 

@@ -15,7 +15,7 @@ use crate::reuse::{
     Estimator, LightTree, View, WithEstimator, lenders, window_frames, with_estimator,
 };
 use crate::sampling::LightSampler;
-use crate::scene::{FrameWindow, Material, SceneFrame};
+use crate::scene::{FrameWindow, Material, SceneFrame, Visibility};
 
 /// Stack of a tracing thread: paths recurse once per bounce, and the limit may be set to 1024.
 const STACK_BYTES: usize = 16 << 20;
@@ -112,7 +112,11 @@ impl Prepared {
         Self {
             light_tree,
             lights,
-            see_through: frame.materials.iter().any(Material::is_see_through),
+            see_through: frame.materials.iter().any(Material::is_see_through)
+                || frame
+                    .instances
+                    .iter()
+                    .any(|i| i.visibility != Visibility::ALL),
             scene_size: (upper - lower).length(),
             accel,
         }

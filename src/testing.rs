@@ -11,14 +11,14 @@ use crate::progress::Progress;
 use crate::render::{Job, Rendered, render};
 use crate::scene::{
     Camera, Extension, Image, Instance, Interpolation, Lens, Light, Material, Mesh, Projection,
-    SceneFrame, World,
+    Reach, SceneFrame, Visibility, World,
 };
 use crate::shader::ObjectInfo;
 
 /// A scene under construction; see [`Scene::frame`].
 pub(crate) struct Scene {
     meshes: Vec<Arc<Mesh>>,
-    instances: Vec<Instance>,
+    pub(crate) instances: Vec<Instance>,
     materials: Vec<Material>,
     pub(crate) lights: Vec<Light>,
     pub(crate) world: World,
@@ -49,6 +49,8 @@ impl Scene {
             world_from_normal: object_from_world.matrix3.transpose(),
             info: ObjectInfo::default(),
             materials: vec![self.materials.len() as u32],
+            visibility: Visibility::ALL,
+            is_holdout: false,
         });
         self.meshes.push(Arc::new(mesh));
         self.materials.push(material);
@@ -75,7 +77,9 @@ pub(crate) fn plain_world(radiance: f32) -> World {
     World {
         radiance: Vec3A::splat(radiance),
         image: None,
+        camera_image: None,
         environment_from_world: Mat3A::IDENTITY,
+        reach: Reach::ALL,
     }
 }
 

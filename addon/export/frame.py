@@ -60,7 +60,8 @@ def export_frame(
     instances.read()
     world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
     arrays |= instances.arrays() | materials.arrays() | lights.arrays()
-    arrays |= export_world(world, images, warnings).arrays()
+    time = frame + depsgraph.scene.frame_subframe
+    arrays |= export_world(world, images, time, warnings, should_stop).arrays()
     warn_of_unbaked(depsgraph, warnings)
     parts = [mesh.digest for mesh in instances.meshes] + [image.digest for image in images.used]
     seconds = perf_counter() - started

@@ -57,6 +57,19 @@ class ImageTable:
             self.used.append(self._load(use, key))
         return self._rows[key]
 
+    def index_of_pixels(self, pixels: np.ndarray) -> int:
+        """Row of an image (H, W, 4) that is none of Blender's."""
+        digest = hashlib.blake2b(pixels, digest_size=16).digest()
+        key = ("pixels", digest)
+        if key not in self._rows:
+            if key not in self._cache.images:
+                handle = self._core.Image(pixels, "REPEAT", "Linear")
+                self._cache.images[key] = CachedImage(handle, digest)
+                self._cache.statistics.images_built += 1
+            self._rows[key] = len(self.used)
+            self.used.append(self._cache.images[key])
+        return self._rows[key]
+
     def _load(self, use: ImageUse, key: tuple) -> CachedImage:
         _warn(use.image, self._warnings)
         if key not in self._cache.images:

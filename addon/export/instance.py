@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from array import array
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import bpy
@@ -14,27 +14,26 @@ import numpy as np
 from .cache import CachedMesh, ExportCache
 from .light import LightTable
 from .material import MaterialTable
-from .mesh import NotFinite, load_mesh
+from .mesh import NotFinite, load_mesh, load_surface
+from .points import placements, read_points, unit_ball
 from .report import ExportStopped, Warnings
+from .strands import (
+    Strands,
+    Surface,
+    has_hair,
+    strands_of_curves,
+    strands_of_particles,
+    tubes,
+)
 from .transform import is_singular
+from .visibility import CAMERA, bits
 
 LEFT_OUT_TYPES = {
-    "CURVES": "hair curves are",
-    "POINTCLOUD": "point clouds are",
     "VOLUME": "volumes are",
     "GREASEPENCIL": "Grease Pencil is",
     "GPENCIL": "Grease Pencil is",
     "LIGHT_PROBE": "light probes are",
 }
-
-# Object flags that the renderer does not look at, with the value it takes for granted.
-RAY_FLAGS = (
-    ("visible_camera", "camera"),
-    ("visible_diffuse", "diffuse"),
-    ("visible_glossy", "glossy"),
-    ("visible_transmission", "transmission"),
-    ("visible_shadow", "shadow"),
-)
 
 # `random_id` of an instance counts up to this.
 RANDOM_IDS = 0xFFFFFFFF
@@ -50,6 +49,18 @@ class Shape:
     name: str
     mesh: int
     slots: tuple[int, int]
+    # Positions and radii of the balls that it consists of, object space; None for one mesh.
+    balls: tuple[np.ndarray, np.ndarray] | None = None
+    # Whether it is the hair of a particle system, which shows even where its emitter does not.
+    is_hair: bool = False
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Which rays meet an instance, and whether it is a hole in the picture."""
+
+    visibility: int
+    is_holdout: bool
 
 
 @dataclass
@@ -65,7 +76,7 @@ class InstanceTable:
     should_stop: Callable[[], bool]
     meshes: list[CachedMesh] = field(default_factory=list)
     _mesh_rows: dict[bytes, int] = field(default_factory=dict)
-    _shapes: dict[tuple[int, int], Shape | None] = field(default_factory=dict)
+    _shapes: dict[tuple[int, int], list[Shape]] = field(default_factory=dict)
     _slot_lists: dict[tuple[int, ...], tuple[int, int]] = field(default_factory=dict)
     _slot_materials: list[int] = field(default_factory=list)
     _names: dict[int, bytes] = field(default_factory=dict)
@@ -74,6 +85,8 @@ class InstanceTable:
     _matrices: array = field(default_factory=lambda: array("f"))
     _colors: array = field(default_factory=lambda: array("f"))
     _infos: array = field(default_factory=lambda: array("f"))
+    _seen: list[Seen] = field(default_factory=list)
+    _seen_by: dict[tuple[int, int], Seen] = field(default_factory=dict)
 
     def read(self) -> None:
         """Walk the evaluated scene once. Raises ExportStopped.
@@ -86,15 +99,15 @@ class InstanceTable:
         for count, item in enumerate(self.depsgraph.object_instances):
             if count % STOP_INTERVAL == 0 and self.should_stop():
                 raise ExportStopped
-            if not item.show_self or (is_viewport and (item.parent or item.object).hide_render):
+            if is_viewport and (item.parent or item.object).hide_render:
                 continue
             owner = item.object
-            if owner.type == "LIGHT":
+            if owner.type == "LIGHT" and item.show_self:
                 self.lights.add(owner, item.matrix_world.copy(), self._key(item, owner))
                 continue
-            shape = self._shape(owner)
-            if shape is not None:
-                self._place(shape, item, owner)
+            for shape in self._shapes_of(owner):
+                if item.show_particles if shape.is_hair else item.show_self:
+                    self._place(shape, item, owner)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The `instance_*` arrays, `world_from_object` and `slot_materials` of the contract."""
@@ -115,17 +128,47 @@ class InstanceTable:
             "instance_color": np.frombuffer(self._colors, np.float32).reshape(-1, 4)[keep],
             "instance_info": np.frombuffer(self._infos, np.float32).reshape(-1, 2)[keep],
             "instance_slots": slots[keep],
+            "instance_visibility": np.array([s.visibility for s in self._seen], np.uint32)[keep],
+            "instance_holdout": np.array([s.is_holdout for s in self._seen], np.uint32)[keep],
             "slot_materials": np.array(self._slot_materials, np.uint32),
         }
 
     def _place(self, shape: Shape, item: bpy.types.DepsgraphObjectInstance, owner: Any) -> None:
-        self._placed.append(shape)
-        self._keys[self._key(item, owner)] = None
-        matrix = item.matrix_world
-        for row in range(3):
-            self._matrices.extend(matrix[row])
-        self._colors.extend(owner.color)
-        self._infos.extend((owner.pass_index, item.random_id / RANDOM_IDS))
+        key = self._key(item, owner)
+        count = 1 if shape.balls is None else len(shape.balls[1])
+        self._placed += [shape] * count
+        self._keys.update(dict.fromkeys(self._free_keys(key, count)))
+        self._seen += [self._seen_of(owner, item.parent if item.is_instance else owner)] * count
+        self._colors.extend(owner.color[:] * count)
+        self._infos.extend((owner.pass_index, item.random_id / RANDOM_IDS) * count)
+        if shape.balls is None:
+            matrix = item.matrix_world
+            for row in range(3):
+                self._matrices.extend(matrix[row])
+        else:
+            matrices = placements(np.array(item.matrix_world, np.float32)[:3], *shape.balls)
+            self._matrices.frombytes(matrices.tobytes())
+
+    def _free_keys(self, first: int, count: int) -> list[int]:
+        """`count` keys from `first` on that nothing has yet."""
+        keys = []
+        while len(keys) < count:
+            if first not in self._keys:
+                keys.append(first)
+            first = (first + 1) % 2**64
+        return keys
+
+    def _seen_of(self, owner: bpy.types.Object, parent: bpy.types.Object) -> Seen:
+        """What the flags of an object and of what instances it, as Cycles combines them."""
+        key = (owner.as_pointer(), parent.as_pointer())
+        if key not in self._seen_by:
+            layer = self.depsgraph.view_layer_eval
+            visibility = bits(owner) & bits(parent)
+            if parent.indirect_only_get(view_layer=layer):
+                visibility &= ~CAMERA
+            is_holdout = owner.is_holdout or parent.holdout_get(view_layer=layer)
+            self._seen_by[key] = Seen(visibility, is_holdout)
+        return self._seen_by[key]
 
     def _key(self, item: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> int:
         """The same number in every frame and session: what it is, and how it came to be."""
@@ -145,33 +188,65 @@ class InstanceTable:
             self._names[pointer] = original.name_full.encode()
         return self._names[pointer]
 
-    def _shape(self, owner: bpy.types.Object) -> Shape | None:
-        """The shape of an evaluated object; pointers tell geometries apart within one frame."""
+    def _shapes_of(self, owner: bpy.types.Object) -> list[Shape]:
+        """What an evaluated object looks like; pointers tell geometries apart within one frame."""
         data = owner.data
         if data is None:
-            return None
+            return []
         key = (owner.original.as_pointer(), data.as_pointer())
         if key not in self._shapes:
             if self.should_stop():
                 raise ExportStopped
-            self._shapes[key] = self._load_shape(owner)
+            self._check(owner)
+            self._shapes[key] = self._load_shapes(owner)
         return self._shapes[key]
 
-    def _load_shape(self, owner: bpy.types.Object) -> Shape | None:
+    def _load_shapes(self, owner: bpy.types.Object) -> list[Shape]:
         if owner.type in LEFT_OUT_TYPES:
             self.warnings.add(owner.name, f"{LEFT_OUT_TYPES[owner.type]} not rendered yet")
-        if owner.type != "MESH":
-            return None
-        self._check(owner)
-        rows = self._material_rows(owner)
-        layers = frozenset[str]().union(*(self.materials.layers[row] for row in rows))
+        load = SHAPES.get(owner.type)
         try:
-            mesh = self._mesh(owner, layers)
+            return load(self, owner) if load else []
         except NotFinite:
             self.warnings.add(owner.name, "has vertices that are not numbers and is left out")
-            return None
-        if mesh is None:
-            return None
+            return []
+
+    def _mesh_shapes(self, owner: bpy.types.Object) -> list[Shape]:
+        rows = self._material_rows(owner)
+        layers = frozenset[str]().union(*(self.materials.layers[row] for row in rows))
+        mesh = self._mesh(owner, layers)
+        shapes = [] if mesh is None else [self._shape(owner, mesh, rows)]
+        for system in owner.particle_systems:
+            if has_hair(system):
+                strands = strands_of_particles(owner, system, self.warnings)
+                slot = min(system.settings.material, len(rows)) - 1
+                hair = self._strand_shapes(owner, strands, rows[max(slot, 0)])
+                shapes += [replace(shape, is_hair=True) for shape in hair]
+        return shapes
+
+    def _curves_shapes(self, owner: bpy.types.Object) -> list[Shape]:
+        return self._strand_shapes(
+            owner, strands_of_curves(owner.data), self._material_rows(owner)[0]
+        )
+
+    def _strand_shapes(
+        self, owner: bpy.types.Object, strands: Strands | None, row: int
+    ) -> list[Shape]:
+        surface = strands and tubes(strands, owner.name, self.warnings)
+        return [self._plain_shape(owner, surface, row)] if surface else []
+
+    def _point_shapes(self, owner: bpy.types.Object) -> list[Shape]:
+        ball = self._plain_shape(owner, unit_ball(), self._material_rows(owner)[0])
+        return [replace(ball, balls=read_points(owner.data))]
+
+    def _plain_shape(self, owner: bpy.types.Object, surface: Surface, row: int) -> Shape:
+        """A shape of one material."""
+        mesh = load_surface(surface, self.cache, self.core)
+        if self.materials.layers[row]:
+            self.warnings.not_rendered(owner.name, "Texture coordinates of strands and points")
+        return self._shape(owner, mesh, [row])
+
+    def _shape(self, owner: bpy.types.Object, mesh: CachedMesh, rows: list[int]) -> Shape:
         row = self._mesh_rows.setdefault(mesh.digest, len(self.meshes))
         if row == len(self.meshes):
             self.meshes.append(mesh)
@@ -215,16 +290,14 @@ class InstanceTable:
 
     def _check(self, owner: bpy.types.Object) -> None:
         """Warn of what the renderer does not do with this object."""
-        hidden_from = [name for flag, name in RAY_FLAGS if not getattr(owner, flag)]
-        if hidden_from:
-            self.warnings.not_rendered(owner.name, f"Ray visibility ({', '.join(hidden_from)})")
-        layer = self.depsgraph.view_layer_eval
-        if owner.is_holdout or owner.holdout_get(view_layer=layer):
-            self.warnings.not_rendered(owner.name, "Holdout")
         if owner.is_shadow_catcher:
             self.warnings.not_rendered(owner.name, "Shadow catcher")
-        if owner.indirect_only_get(view_layer=layer):
-            self.warnings.not_rendered(owner.name, "Indirect Only")
-        for system in owner.particle_systems:
-            if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
-                self.warnings.add(owner.name, "hair particles are not rendered yet")
+
+
+# What becomes triangles, by the object's type. Texts, metaballs and surfaces are instances of type
+# MESH already.
+SHAPES: dict[str, Callable[[InstanceTable, bpy.types.Object], list[Shape]]] = {
+    "MESH": InstanceTable._mesh_shapes,
+    "CURVES": InstanceTable._curves_shapes,
+    "POINTCLOUD": InstanceTable._point_shapes,
+}

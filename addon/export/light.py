@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from math import isclose, pi, sin
+from math import pi, sin
 
 import bpy
 import numpy as np
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 from .nodes import Color, Constant, Source, surface
 from .report import Warnings
 from .transform import axis_scale, matrix_3x4, without_scale
+from .visibility import SHADOW, bits
 
 
 class Kind(IntEnum):
@@ -35,8 +36,10 @@ class Light:
     power: Color
     size: tuple[float, float]
     spot: tuple[float, float]
+    spread: float
     soft_falloff: bool
-    camera_visible: bool
+    visibility: int
+    max_bounces: int
 
 
 @dataclass
@@ -53,7 +56,9 @@ class LightTable:
             self.warnings.add(owner.name, "has a scale of zero and is left out")
             return
         data = owner.data
-        _check(owner, data, self.warnings)
+        if data.type == "AREA" and data.cycles.is_portal:
+            return  # It only tells Cycles where to look for the world.
+        _check(owner, data, world_from_object, self.warnings)
         kind = light_kind(data)
         size = light_size(data, world_from_object)
         factor = _unnormalised(data, kind, size)
@@ -66,8 +71,10 @@ class LightTable:
             tuple(c * s * factor for c, s in zip(color, strength, strict=True)),
             size,
             (data.spot_size, data.spot_blend) if kind == Kind.SPOT else (0.0, 0.0),
+            data.spread if data.type == "AREA" else pi,
             kind in (Kind.POINT, Kind.SPOT) and data.use_soft_falloff,
-            owner.visible_camera,
+            light_visibility(owner, data),
+            data.cycles.max_bounces,
         )
         self.lights.append(light)
 
@@ -85,8 +92,10 @@ class LightTable:
             "light_power": column("power", np.float32, 3),
             "light_size": column("size", np.float32, 2),
             "light_spot": column("spot", np.float32, 2),
+            "light_spread": column("spread", np.float32),
             "light_soft_falloff": column("soft_falloff", np.uint32),
-            "light_camera_visible": column("camera_visible", np.uint32),
+            "light_visibility": column("visibility", np.uint32),
+            "light_max_bounces": column("max_bounces", np.uint32),
         }
 
 
@@ -94,6 +103,12 @@ def light_kind(data: bpy.types.Light) -> Kind:
     if data.type == "AREA":
         return Kind.ELLIPSE if data.shape in ("DISK", "ELLIPSE") else Kind.RECTANGLE
     return Kind[data.type]
+
+
+def light_visibility(owner: bpy.types.Object, data: bpy.types.Light) -> int:
+    """The rays that see the lamp; that of shadow rays means that things can stop its light."""
+    seen = bits(owner) & ~SHADOW
+    return seen | SHADOW if data.use_shadow else seen
 
 
 def light_color(data: bpy.types.Light) -> Color:
@@ -158,13 +173,16 @@ def _node_strength(data: bpy.types.Light, warnings: Warnings) -> Color:
     return (red * strength, green * strength, blue * strength)
 
 
-def _check(owner: bpy.types.Object, data: bpy.types.Light, warnings: Warnings) -> None:
-    if not data.use_shadow:
-        warnings.add(owner.name, "a light without shadows is not rendered yet, it casts shadows")
-    if data.type == "AREA" and not isclose(data.spread, pi, abs_tol=1e-4):
-        warnings.not_rendered(owner.name, "Spread of an area light")
+def is_round(scale: Vector) -> bool:
+    """Whether all axes are scaled alike, up to rounding."""
+    return max(scale) - min(scale) <= 1e-3 * max(scale)
+
+
+def _check(
+    owner: bpy.types.Object, data: bpy.types.Light, world_from_object: Matrix, warnings: Warnings
+) -> None:
     linking = owner.light_linking
     if linking.receiver_collection or linking.blocker_collection:
         warnings.not_rendered(owner.name, "Light linking")
-    if data.cycles.is_portal:
-        warnings.not_rendered(owner.name, "Portal")
+    if data.type == "SPOT" and not is_round(axis_scale(world_from_object)):
+        warnings.not_rendered(owner.name, "The scale of a spot lamp's cone")

@@ -13,6 +13,7 @@ import numpy as np
 from .cache import CachedMesh, ExportCache
 from .layer import read_layers
 from .shader.layers import ACTIVE_UV, layer_key
+from .strands import Surface
 
 
 class NotFinite(Exception):
@@ -71,6 +72,31 @@ def load_mesh(
                 raise NotFinite
         handle = core.Mesh(**triangle_arrays(mesh, faces))
         cached = CachedMesh(handle, digest, form, faces.corner_uvs, wanted)
+        cache.add(cached)
+    return cached
+
+
+def load_surface(surface: Surface, cache: ExportCache, core: Any) -> CachedMesh:
+    """The renderer's mesh with these triangles, of one material slot. Raises NotFinite."""
+    if not np.isfinite(surface.vertices).all():
+        raise NotFinite
+    content = hashlib.blake2b(digest_size=16)
+    for array in vars(surface).values():
+        content.update(np.ascontiguousarray(array))
+    digest = content.digest()
+    cached = cache.meshes.get(digest)
+    if cached is None:
+        corner_uvs = np.zeros((*surface.triangles.shape, 2), np.float32)
+        handle = core.Mesh(
+            vertices=surface.vertices,
+            triangles=surface.triangles,
+            corner_normals=surface.normals[surface.triangles],
+            corner_uvs=corner_uvs,
+            layer_keys=np.empty(0, np.uint32),
+            layer_values=np.empty((0, *surface.triangles.shape, 4), np.float32),
+            material_slots=np.zeros(len(surface.triangles), np.uint32),
+        )
+        cached = CachedMesh(handle, digest, digest, corner_uvs, frozenset())
         cache.add(cached)
     return cached
 

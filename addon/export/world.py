@@ -1,8 +1,9 @@
-"""The world: a colour or an equirectangular image, turned."""
+"""The world: a colour or an equirectangular image, turned; of other nodes a picture is taken."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import bpy
 import numpy as np
@@ -12,8 +13,12 @@ from .image import ImageTable, ImageUse
 from .material import uses_nodes
 from .nodes import Color, Constant, Source, surface
 from .report import Warnings
+from .visibility import ALL, SHADOW, bits
+from .world_bake import bake, depends_on_ray
 
 BLACK = (0.0, 0.0, 0.0)
+# What Blender sets: no limit.
+MAX_BOUNCES = 1024
 
 
 @dataclass(frozen=True)
@@ -22,60 +27,100 @@ class World:
 
     radiance: Color = BLACK
     image: int = -1
+    # What the camera sees instead.
+    camera_image: int = -1
     environment_from_world: Matrix = field(default_factory=lambda: Matrix.Identity(3))
+    visibility: int = ALL
+    max_bounces: int = MAX_BOUNCES
 
     def arrays(self) -> dict[str, np.ndarray]:
         return {
             "world_radiance": np.array(self.radiance, np.float32),
             "world_image": np.array(self.image, np.int32),
+            "world_camera_image": np.array(self.camera_image, np.int32),
+            "world_visibility": np.array(self.visibility, np.uint32),
+            "world_max_bounces": np.array(self.max_bounces, np.uint32),
             "environment_from_world": np.array(self.environment_from_world, np.float32, order="C"),
         }
 
 
-def export_world(world: bpy.types.World | None, images: ImageTable, warnings: Warnings) -> World:
-    """Reads an evaluated world; without one, or without a Background, it is black."""
+class _NotPlain(Exception):
+    """More than the arrays of the contract can say."""
+
+
+def export_world(
+    world: bpy.types.World | None,
+    images: ImageTable,
+    frame: float,
+    warnings: Warnings,
+    should_stop: Callable[[], bool],
+) -> World:
+    """Reads an evaluated world, of this time; without one it is black. Raises ExportStopped."""
     if world is None:
         return World()
+    try:
+        read = _plain(world, images)
+    except _NotPlain:
+        read = _baked(world, images, frame, warnings, should_stop)
+    return replace(
+        read,
+        # What lies in between always stops its light.
+        visibility=bits(world.cycles_visibility, "") | SHADOW,
+        max_bounces=world.cycles.max_bounces,
+    )
+
+
+def _baked(
+    world: bpy.types.World,
+    images: ImageTable,
+    frame: float,
+    warnings: Warnings,
+    should_stop: Callable[[], bool],
+) -> World:
+    baked = bake(world, frame, warnings, should_stop)
+    if baked is None:
+        return World()
+    camera = -1 if baked.camera is None else images.index_of_pixels(baked.camera)
+    return World((1.0, 1.0, 1.0), images.index_of_pixels(baked.light), camera)
+
+
+def _plain(world: bpy.types.World, images: ImageTable) -> World:
+    """A world that is one Background of a colour or an image."""
     if not uses_nodes(world):
         return World(tuple(world.color))
     shader = surface(world.node_tree)
     if shader is None:
         return World()
-    if shader.node.bl_idname != "ShaderNodeBackground":
-        warnings.not_rendered(world.name, shader.label)
-        return World()
-    strength = _constant(shader, "Strength", world.name, warnings).number()
+    if shader.node.bl_idname != "ShaderNodeBackground" or depends_on_ray(world.node_tree):
+        raise _NotPlain
+    strength = _constant(shader, "Strength").number()
     source = shader.input("Color").follow()
     if isinstance(source, Source) and source.node.bl_idname == "ShaderNodeTexEnvironment":
-        return _environment(source, strength, world.name, images, warnings)
-    red, green, blue = _constant(shader, "Color", world.name, warnings).color()
+        return _environment(source, strength, images)
+    red, green, blue = _constant(shader, "Color").color()
     return World((red * strength, green * strength, blue * strength))
 
 
-def _environment(
-    texture: Source, strength: float, name: str, images: ImageTable, warnings: Warnings
-) -> World:
+def _environment(texture: Source, strength: float, images: ImageTable) -> World:
     node = texture.node
+    if node.projection != "EQUIRECTANGULAR" or node.interpolation not in ("Linear", "Closest"):
+        raise _NotPlain
+    linear = _environment_from_world(texture)
     if node.image is None:
         return World()
-    if node.projection != "EQUIRECTANGULAR":
-        warnings.not_rendered(name, f"{node.projection.replace('_', ' ').title()} projection")
-    interpolation = "Closest" if node.interpolation == "Closest" else "Linear"
-    image = images.index(ImageUse(node.image, "REPEAT", interpolation, multiply_alpha=True))
-    linear = _environment_from_world(texture, name, warnings)
-    return World((strength,) * 3, image, linear)
+    image = images.index(ImageUse(node.image, "REPEAT", node.interpolation, multiply_alpha=True))
+    return World((strength,) * 3, image, environment_from_world=linear)
 
 
-def _environment_from_world(texture: Source, name: str, warnings: Warnings) -> Matrix:
+def _environment_from_world(texture: Source) -> Matrix:
     """The linear part of the Mapping nodes between the direction and the texture."""
     linear = Matrix.Identity(3)
     end = texture.input("Vector").follow()
     while isinstance(end, Source) and end.node.bl_idname == "ShaderNodeMapping":
-        linear = linear @ _mapping(end, name, warnings)
+        linear = linear @ _mapping(end)
         end = end.input("Vector").follow()
     if isinstance(end, Source) and not _is_direction(end):
-        what = end.output.name if end.node.bl_idname == "ShaderNodeTexCoord" else end.label
-        warnings.not_rendered(name, f"{what} coordinate of the environment")
+        raise _NotPlain
     return linear
 
 
@@ -85,19 +130,15 @@ def _is_direction(source: Source) -> bool:
     return source.output.identifier in outputs.get(source.node.bl_idname, ())
 
 
-def _mapping(mapping: Source, name: str, warnings: Warnings) -> Matrix:
+def _mapping(mapping: Source) -> Matrix:
     kind = mapping.node.vector_type
-    if kind in ("POINT", "TEXTURE"):
-        location = _constant(mapping, "Location", name, warnings).color()
-        if any(location):
-            warnings.not_rendered(name, "Location of the environment's Mapping")
-    angles = _constant(mapping, "Rotation", name, warnings).color()
-    factors = _constant(mapping, "Scale", name, warnings).color()
-    rotation = Euler(angles, "XYZ").to_matrix()
+    if kind in ("POINT", "TEXTURE") and any(_constant(mapping, "Location").color()):
+        raise _NotPlain
+    factors = _constant(mapping, "Scale").color()
+    rotation = Euler(_constant(mapping, "Rotation").color(), "XYZ").to_matrix()
     scale = Matrix.Diagonal(factors)
     if kind in ("TEXTURE", "NORMAL") and 0.0 in factors:
-        warnings.not_rendered(name, "Mapping with a scale of zero")
-        return rotation
+        raise _NotPlain
     if kind == "TEXTURE":
         return scale.inverted() @ rotation.transposed()
     if kind == "NORMAL":
@@ -105,13 +146,9 @@ def _mapping(mapping: Source, name: str, warnings: Warnings) -> Matrix:
     return rotation @ scale
 
 
-def _constant(node: Source, identifier: str, name: str, warnings: Warnings) -> Constant:
-    """The input's value; where a node computes it, the typed value with a warning."""
-    socket = node.input(identifier)
-    end = socket.follow()
+def _constant(node: Source, identifier: str) -> Constant:
+    """The value that an input holds for good."""
+    end = node.input(identifier).follow()
     if isinstance(end, Constant):
         return end
-    warnings.add(
-        name, f"{end.label} in {socket.socket.name} is not rendered yet (its default value is used)"
-    )
-    return Constant(socket.socket)
+    raise _NotPlain

@@ -400,6 +400,7 @@ mod tests {
     use super::*;
     use crate::math::statistics::Random;
     use crate::math::warp::sample_sphere;
+    use crate::scene::Reach;
     use crate::testing::{image_world, plain_world};
     use glam::{Mat3A, Vec3};
 
@@ -581,7 +582,9 @@ mod tests {
     #[test]
     fn lookups_turn_with_the_world() {
         let world = World {
+            camera_image: None,
             environment_from_world: Mat3A::from_rotation_z(0.7),
+            reach: Reach::ALL,
             ..plain_world(1.0)
         };
         let turned = LightTree::of_texels(Grid::new(WIDTH, HEIGHT), sky, world);
@@ -604,7 +607,9 @@ mod tests {
                 ..world.clone()
             },
             World {
+                camera_image: None,
                 environment_from_world: turned,
+                reach: Reach::ALL,
                 ..world.clone()
             },
         ];

@@ -20,7 +20,7 @@ use crate::math::{PixelFilter, Ray};
 use crate::path::{Bounces, Tracer};
 use crate::progress::Progress;
 use crate::sampling::{Sampler, Strategy};
-use crate::scene::FrameWindow;
+use crate::scene::{FrameWindow, RayKind};
 use crate::surface::Surface;
 
 /// One frame, ready to trace.
@@ -107,16 +107,30 @@ impl View<'_> {
             t_max: distance,
             ..ray
         };
-        let lamps = tracer
-            .lights
-            .lamps_along(&seen_ray, -ray.direction, Strategy::One, true);
+        let lamps =
+            tracer
+                .lights
+                .lamps_along(&seen_ray, -ray.direction, Strategy::One, RayKind::Camera, 0);
         let lamps: Vec3A = lamps.map(|lamp| lamp.radiance).sum();
+        let is_hole = |surface: &Surface| {
+            let instance = surface.hit.instance as usize;
+            tracer.frame.instances[instance].is_holdout
+        };
         let hidden_background = tracer.settings.film_transparent;
+        let (is_held_out, surface) = match surface {
+            Some(surface) if is_hole(&surface) => (true, None),
+            surface => (false, surface),
+        };
         let (seen, radiance) = match &surface {
+            // As in Cycles a hole is a hole even where the background shows.
+            None if is_held_out => (Sighting::NOTHING, Vec3A::ZERO),
             Some(surface) => (self.sighting(surface), surface.emission),
             None if hidden_background => (Sighting::NOTHING, Vec3A::ZERO),
             None => {
-                let radiance = tracer.lights.environment_radiance(ray.direction);
+                let radiance =
+                    tracer
+                        .lights
+                        .environment_radiance(ray.direction, RayKind::Camera, 0);
                 (Sighting::BACKGROUND, radiance)
             }
         };

@@ -253,7 +253,11 @@ fn gather(view: &View, surface: &Surface, sampler: &Sampler) -> Gather {
     };
     let gathered = view.tracer.gather(&from, sampler);
     let leaf = view.light_tree.leaf(direction);
-    let open = weight * leaf.radiance;
+    let world = &view.tracer.frame.world;
+    let open = match world.reach.includes(from.bounces.sight(), 0) {
+        true => weight * leaf.radiance,
+        false => Vec3A::ZERO,
+    };
     let missed = gathered.distance == f32::INFINITY;
     let is_sun = view.tracer.lights.is_sun(direction);
     let sun = if is_sun {

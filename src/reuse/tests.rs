@@ -6,7 +6,9 @@ use glam::{Affine3A, Mat4, Vec2, Vec3, Vec3A};
 
 use super::*;
 use crate::contract::{Filter, Recheck};
-use crate::scene::{Camera, Lens, Light, LightKind, Panorama, Projection, SceneFrame};
+use crate::scene::{
+    Camera, Lens, Light, LightKind, Panorama, Projection, Reach, SceneFrame, Visibility,
+};
 use crate::testing::{
     Scene, Shoot, any_camera, camera, cube, diffuse, glass, glossy, glowing, paper, plain_world,
     sphere, square,
@@ -75,7 +77,10 @@ fn yard_seen_by(frame: i32, camera: Camera) -> Arc<SceneFrame> {
         key: 1,
         world_from_light: Affine3A::from_rotation_x(0.6),
         power: Vec3A::splat(2.0),
-        camera_visible: false,
+        reach: Reach {
+            visibility: Visibility::from_bits(0b1_1110),
+            ..Reach::ALL
+        },
     });
     scene.frame(frame)
 }
@@ -121,7 +126,10 @@ fn glasshouse(frame: i32) -> Arc<SceneFrame> {
         key: 1,
         world_from_light: Affine3A::from_rotation_x(-0.8),
         power: Vec3A::splat(2.0),
-        camera_visible: false,
+        reach: Reach {
+            visibility: Visibility::from_bits(0b1_1110),
+            ..Reach::ALL
+        },
     });
     scene.frame(frame)
 }
@@ -483,4 +491,134 @@ fn a_cancelled_render_ends_without_a_picture() {
         progress.cancel();
         assert_eq!(render.join().unwrap().err(), Some(Error::Cancelled));
     });
+}
+
+/// What rays see, by every method, where one knows the answer.
+mod visibility {
+    use std::f32::consts::PI;
+
+    use glam::{Affine3A, Vec3, Vec3A};
+
+    use crate::contract::Filter;
+    use crate::reuse::*;
+    use crate::scene::{Light, LightKind, Reach, Visibility};
+    use crate::testing::{Scene, Shoot, camera, diffuse, plain_world, square};
+
+    const METHODS: [Method; 3] = [Method::Path, Method::DualCone, Method::Paper];
+    const REFLECTANCE: f32 = 0.5;
+    /// What the floor reflects under the sun of [`sunny_floor`].
+    const LIT: f32 = REFLECTANCE / PI * 3.0;
+
+    fn all_but(kind: RayKind) -> Visibility {
+        Visibility::from_bits(!(1 << kind as u32))
+    }
+
+    /// A floor that fills the view, in a black world, under a sun in the zenith.
+    fn sunny_floor() -> Scene {
+        let mut scene = Scene::new();
+        scene.world = plain_world(0.0);
+        scene.camera = camera(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, 0.5);
+        let place = Affine3A::from_scale(Vec3::splat(9.0));
+        scene.add(square(), place, diffuse(REFLECTANCE));
+        scene.lights.push(Light {
+            kind: LightKind::Sun { angle: 0.0 },
+            key: 1,
+            world_from_light: Affine3A::IDENTITY,
+            power: Vec3A::splat(3.0),
+            reach: Reach::ALL,
+        });
+        scene
+    }
+
+    /// The same with a black roof at this height.
+    fn roofed(height: f32, visibility: Visibility) -> Scene {
+        let mut scene = sunny_floor();
+        let up = Affine3A::from_translation(Vec3::new(0.0, 0.0, height));
+        let roof = up * Affine3A::from_scale(Vec3::splat(9.0));
+        let roof = scene.add(square(), roof, diffuse(0.0));
+        scene.instances[roof].visibility = visibility;
+        scene
+    }
+
+    /// Mean of all pixels: red, green, blue, alpha.
+    fn mean(scene: &Scene, method: Method) -> [f32; 4] {
+        let frames = [scene.frame(1)];
+        let settings = Settings {
+            method,
+            samples: 4,
+            filter: Filter::Box,
+            film_transparent: true,
+            window: 1,
+            ..Settings::default()
+        };
+        let shoot = Shoot {
+            frames: &frames,
+            settings,
+            size: 8,
+            threads: 1,
+        };
+        let picture = &shoot.pictures(&[1])[0];
+        let pixels = picture.as_chunks::<4>().0;
+        let sum = |channel: usize| pixels.iter().map(|p| p[channel]).sum::<f32>();
+        [0, 1, 2, 3].map(|channel| sum(channel) / pixels.len() as f32)
+    }
+
+    #[track_caller]
+    fn assert_shows(scene: &Scene, expected: f32) {
+        for method in METHODS {
+            let [red, .., alpha] = mean(scene, method);
+            assert!(
+                (red - expected).abs() < 1e-3 * LIT,
+                "{method:?}: {red}, {expected}"
+            );
+            assert_eq!(alpha, 1.0);
+        }
+    }
+
+    #[test]
+    fn a_roof_shades_unless_shadow_rays_do_not_see_it() {
+        assert_shows(&roofed(4.0, Visibility::ALL), 0.0);
+        assert_shows(&roofed(4.0, all_but(RayKind::Shadow)), LIT);
+        assert_shows(&roofed(4.0, all_but(RayKind::Camera)), 0.0);
+    }
+
+    #[test]
+    fn the_camera_looks_through_what_it_does_not_see() {
+        let both = Visibility::from_bits(0b0_1110);
+        assert_shows(&roofed(1.0, both), LIT);
+        assert_shows(&roofed(1.0, all_but(RayKind::Shadow)), 0.0);
+    }
+
+    #[test]
+    fn a_lamp_without_shadows_shines_through_roofs() {
+        let mut scene = roofed(4.0, Visibility::ALL);
+        scene.lights[0].reach.visibility = all_but(RayKind::Shadow);
+        assert_shows(&scene, LIT);
+    }
+
+    #[test]
+    fn lights_stay_dark_for_the_closures_that_do_not_see_them() {
+        for (kind, expected) in [(RayKind::Diffuse, 0.0), (RayKind::Glossy, LIT)] {
+            let mut scene = sunny_floor();
+            scene.lights[0].reach.visibility = all_but(kind);
+            assert_shows(&scene, expected);
+            let mut scene = sunny_floor();
+            scene.lights.clear();
+            scene.world = plain_world(LIT / REFLECTANCE);
+            scene.world.reach.visibility = all_but(kind);
+            for method in METHODS {
+                let red = mean(&scene, method)[0];
+                assert!((red - expected).abs() < 0.1 * LIT, "{method:?}: {red}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_holdout_is_a_hole() {
+        let mut scene = sunny_floor();
+        scene.instances[0].is_holdout = true;
+        for method in METHODS {
+            assert_eq!(mean(&scene, method), [0.0; 4]);
+        }
+    }
 }

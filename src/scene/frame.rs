@@ -4,7 +4,10 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
-use super::{Camera, Image, Lens, Light, LightKind, Material, Mesh, Panorama, Projection, World};
+use super::{
+    Camera, Image, Lens, Light, LightKind, Material, Mesh, Panorama, Projection, Reach, Visibility,
+    World,
+};
 use crate::contract::{Arrays, FRAME, Given};
 use crate::error::{Error, Result};
 use crate::shader::{Instructions, ObjectInfo};
@@ -26,6 +29,10 @@ pub struct Instance {
     pub info: ObjectInfo,
     /// Material of each slot: indices into [`SceneFrame::materials`].
     pub materials: Vec<u32>,
+    /// Which rays meet it.
+    pub visibility: Visibility,
+    /// Whether camera rays meet a hole in the picture in its place.
+    pub is_holdout: bool,
 }
 
 /// Everything one frame shows.
@@ -210,6 +217,8 @@ fn instances(arrays: &Arrays, meshes: usize, materials: usize) -> Result<Vec<Ins
                 world_from_normal: object_from_world.matrix3.transpose(),
                 info: object_info(arrays, row),
                 materials: slot_materials[slots].to_vec(),
+                visibility: Visibility::from_bits(arrays.u32s("instance_visibility")[row]),
+                is_holdout: arrays.u32s("instance_holdout")[row] != 0,
             })
         })
         .collect()
@@ -253,6 +262,7 @@ fn light(arrays: &Arrays, row: usize, kind: u32) -> Result<Light> {
     let size: [f32; 2] = arrays.f32s("light_size").as_chunks::<2>().0[row];
     let [cone_angle, blend] = arrays.f32s("light_spot").as_chunks::<2>().0[row];
     let soft_falloff = arrays.u32s("light_soft_falloff")[row] != 0;
+    let spread = arrays.f32s("light_spread")[row];
     let radius = size[0];
     let kind = match kind {
         0 => LightKind::Sun { angle: size[0] },
@@ -266,8 +276,8 @@ fn light(arrays: &Arrays, row: usize, kind: u32) -> Result<Light> {
             cone_angle,
             blend,
         },
-        3 => LightKind::AreaRectangle { size },
-        4 => LightKind::AreaEllipse { size },
+        3 => LightKind::AreaRectangle { size, spread },
+        4 => LightKind::AreaEllipse { size, spread },
         _ => {
             return Err(Error::Index {
                 field: "light_kind",
@@ -285,7 +295,10 @@ fn light(arrays: &Arrays, row: usize, kind: u32) -> Result<Light> {
         key: arrays.u64s("light_key")[row],
         world_from_light,
         power: color(arrays.f32s("light_power"), row),
-        camera_visible: arrays.u32s("light_camera_visible")[row] != 0,
+        reach: Reach {
+            visibility: Visibility::from_bits(arrays.u32s("light_visibility")[row]),
+            max_bounces: arrays.u32s("light_max_bounces")[row],
+        },
     })
 }
 
@@ -359,11 +372,18 @@ fn panorama(arrays: &Arrays) -> Result<Option<(Panorama, Vec2)>> {
 fn world(arrays: &Arrays, images: &[Arc<Image>]) -> Result<World> {
     let given = arrays.i32s("world_image")[0];
     let image = optional_index("world_image", 0, given, images.len(), "images")?;
+    let given = arrays.i32s("world_camera_image")[0];
+    let camera_image = optional_index("world_camera_image", 0, given, images.len(), "images")?;
     let mut rows = [0.0; 9];
     rows.copy_from_slice(arrays.f32s("environment_from_world"));
     Ok(World {
         radiance: color(arrays.f32s("world_radiance"), 0),
         image: image.map(|i| images[i as usize].clone()),
+        camera_image: camera_image.map(|i| images[i as usize].clone()),
         environment_from_world: Mat3A::from_cols_array(&rows).transpose(),
+        reach: Reach {
+            visibility: Visibility::from_bits(arrays.u32s("world_visibility")[0]),
+            max_bounces: arrays.u32s("world_max_bounces")[0],
+        },
     })
 }

@@ -2,6 +2,8 @@
 
 use glam::{Affine3A, Vec3A};
 
+use super::Reach;
+
 /// The shape of a lamp.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LightKind {
@@ -32,11 +34,15 @@ pub enum LightKind {
     AreaRectangle {
         /// Side lengths along x and y [m].
         size: [f32; 2],
+        /// Full angle [rad] of the cone that each point shines into; pi does not narrow it.
+        spread: f32,
     },
     /// An ellipse that shines to one side.
     AreaEllipse {
         /// Diameters along x and y [m].
         size: [f32; 2],
+        /// As of a rectangle.
+        spread: f32,
     },
 }
 
@@ -51,6 +57,6 @@ pub struct Light {
     pub world_from_light: Affine3A,
     /// Power [W] by colour; irradiance [W / m^2] for a sun.
     pub power: Vec3A,
-    /// Whether camera rays see it.
-    pub camera_visible: bool,
+    /// Which rays find it; without shadow rays nothing stops its light.
+    pub reach: Reach,
 }

@@ -7,6 +7,7 @@ mod frame;
 mod light;
 mod material;
 mod mesh;
+mod visibility;
 mod window;
 pub mod world;
 
@@ -17,5 +18,6 @@ pub use frame::{Instance, SceneFrame, interpolate};
 pub use light::{Light, LightKind};
 pub use material::Material;
 pub use mesh::Mesh;
+pub use visibility::{RayKind, Reach, Visibility};
 pub use window::{FrameWindow, Motion};
 pub use world::World;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::{Mat3A, Vec2, Vec3A};
 
+use super::Reach;
 use crate::image::Image;
 
 /// The surroundings of a frame.
@@ -14,14 +15,30 @@ pub struct World {
     pub radiance: Vec3A,
     /// Equirectangular image.
     pub image: Option<Arc<Image>>,
+    /// What the camera sees in place of `image`.
+    pub camera_image: Option<Arc<Image>>,
     /// Linear part of the image's mapping.
     pub environment_from_world: Mat3A,
+    /// Which rays see it.
+    pub reach: Reach,
 }
 
 impl World {
     /// Radiance that arrives from a direction (unit length, world space, away from the viewer).
     pub fn radiance(&self, direction: Vec3A) -> Vec3A {
-        match &self.image {
+        self.radiance_of(self.image.as_ref(), direction)
+    }
+
+    /// What the camera sees in a direction.
+    pub fn radiance_for_camera(&self, direction: Vec3A) -> Vec3A {
+        self.radiance_of(
+            self.camera_image.as_ref().or(self.image.as_ref()),
+            direction,
+        )
+    }
+
+    fn radiance_of(&self, image: Option<&Arc<Image>>, direction: Vec3A) -> Vec3A {
+        match image {
             None => self.radiance,
             Some(image) => {
                 let direction = self.environment_from_world * direction;

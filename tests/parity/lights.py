@@ -124,6 +124,7 @@ def portal(stage: Stage) -> None:
     hole: Any = bpy.context.object
     hole.hide_render = True
     room.modifiers["Window"].object = hole
+    stage.camera.location, stage.camera.rotation_euler = (0.0, -4.5, 3.0), (pi / 2, 0.0, 0.0)
     shade(stage.scene.world, "ShaderNodeBackground", Strength=3.0)
 
 

@@ -172,15 +172,33 @@ def test_a_plain_world_is_colour_times_strength() -> None:
     assert frame.warnings == []
 
 
-def test_what_a_world_does_beyond_is_named() -> None:
+def test_other_worlds_are_baked_as_cycles_shows_them(tmp_path: Path) -> None:
+    camera = add_camera(lens=14)
+    camera.rotation_euler = (1.2, 0.4, 0.7)
+    tree = add_world().node_tree
+    coordinate = tree.nodes.new("ShaderNodeTexCoord")
+    tree.links.new(coordinate.outputs["Generated"], background(scene().world).inputs["Color"])
+    frame = export_now(resolution=(32, 32))
+    assert frame.warnings == []
+    ours, _ = radiance_of_pixels(frame, 32)
+    theirs = render_with_cycles(tmp_path, 32, samples=1)[..., :3]
+    # A texel is 0.006 rad wide.
+    assert np.allclose(ours, np.maximum(theirs, 0.0), atol=0.01)
+    images = export_now().arrays["world_image"], export_now().arrays["world_camera_image"]
+    assert images == (0, -1)
+
+
+def test_a_world_that_the_camera_sees_otherwise_is_baked_twice() -> None:
     add_camera()
-    world = add_world()
-    tree = world.node_tree
-    sky = tree.nodes.new("ShaderNodeTexSky")
-    tree.links.new(sky.outputs[0], background(world).inputs["Color"])
-    assert export_now().warnings == [
-        "'World': Sky Texture in Color is not rendered yet (its default value is used)"
-    ]
+    tree = add_world().node_tree
+    ray = tree.nodes.new("ShaderNodeLightPath")
+    tree.links.new(ray.outputs["Is Camera Ray"], background(scene().world).inputs["Color"])
+    frame = export_now()
+    light, camera = (
+        frame.images[frame.arrays[name]].pixels[..., 0].mean()
+        for name in ("world_image", "world_camera_image")
+    )
+    assert (light, camera) == (0.0, 1.0)
 
 
 def marked_environment(width: int = 16, height: int = 8) -> Any:

@@ -597,7 +597,6 @@ def test_nothing_to_see_is_allowed() -> None:
 @pytest.mark.parametrize(
     ("add", "words"),
     [
-        (lambda: bpy.data.hair_curves.new("Fur"), "hair curves are not rendered yet"),
         (lambda: bpy.data.volumes.new("Fur"), "volumes are not rendered yet"),
     ],
 )
@@ -607,15 +606,83 @@ def test_what_cannot_become_a_mesh_is_named(add: Any, words: str) -> None:
 
 
 def test_flags_the_renderer_ignores_are_named() -> None:
-    owner = add_mesh("Ghost")
-    owner.visible_shadow = False
-    owner.is_shadow_catcher = True
-    add_object("Other", owner.data).is_holdout = True
-    assert sorted(export_now().warnings) == [
-        "'Ghost': Ray visibility (shadow) is not rendered yet",
-        "'Ghost': Shadow catcher is not rendered yet",
-        "'Other': Holdout is not rendered yet",
-    ]
+    add_mesh("Ghost").is_shadow_catcher = True
+    assert export_now().warnings == ["'Ghost': Shadow catcher is not rendered yet"]
+
+
+def test_rays_that_meet_an_object_are_those_that_see_it_and_what_instances_it() -> None:
+    ghost = add_mesh("Ghost")
+    ghost.visible_shadow = False
+    add_object("Hole", ghost.data).is_holdout = True
+    library = bpy.data.collections.new("Library")
+    library.objects.link(ghost)
+    empty = add_object("Empty", None)
+    empty.instance_type, empty.instance_collection = "COLLECTION", library
+    empty.visible_camera = False
+    arrays = export_now().arrays
+    flags = zip(arrays["instance_visibility"], arrays["instance_holdout"], strict=True)
+    assert sorted(flags) == [(14, 0), (15, 0), (31, 1)]
+
+
+def test_a_collection_for_indirect_light_is_hidden_from_the_camera() -> None:
+    hidden = add_mesh("Hidden")
+    collection = bpy.data.collections.new("Indirect")
+    scene().collection.children.link(collection)
+    scene().collection.objects.unlink(hidden)
+    collection.objects.link(hidden)
+    scene().view_layers[0].layer_collection.children["Indirect"].indirect_only = True
+    assert export_now().arrays["instance_visibility"].tolist() == [30]
+
+
+def add_strands(counts: list[int], radius: float) -> Any:
+    """Curves straight up, side by side, one metre long."""
+    data: Any = bpy.data.hair_curves.new("Hair")
+    data.add_curves(counts)
+    points = [(x, 0.0, i / (n - 1)) for x, n in enumerate(counts) for i in range(n)]
+    data.attributes["position"].data.foreach_set("vector", np.ravel(points))
+    radii = data.attributes.get("radius") or data.attributes.new("radius", "FLOAT", "POINT")
+    radii.data.foreach_set("value", np.full(len(points), radius))
+    return add_object("Hair", data)
+
+
+def test_strands_become_tubes_as_wide_as_they_are() -> None:
+    add_strands([2, 5], 0.1)
+    frame = export_now()
+    assert frame.warnings == []
+    mesh = frame.meshes[0]
+    corners = mesh.vertices[mesh.triangles]
+    areas = 0.5 * np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    # Two cylinders without ends.
+    assert np.isclose(areas.sum(), 2 * 2 * np.pi * 0.1, rtol=1e-4)
+    outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((outwards * mesh.corner_normals[:, 0]).sum(axis=1) > 0.0).all()
+
+
+def test_a_point_cloud_becomes_balls() -> None:
+    tree: Any = bpy.data.node_groups.new("Points", "GeometryNodeTree")
+    tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    ends = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    points = tree.nodes.new("GeometryNodeMeshToPoints")
+    points.inputs["Radius"].default_value = 0.25
+    tree.links.new(ends[0].outputs[0], points.inputs[0])
+    tree.links.new(points.outputs[0], ends[1].inputs[0])
+    owner = add_mesh("Cloud")
+    owner.modifiers.new("Points", "NODES").node_group = tree
+    owner.scale = (2.0, 2.0, 2.0)
+    frame = export_now()
+    corners = [vertex.co for vertex in owner.data.vertices]
+    matrices = frame.arrays["world_from_object"]
+    assert frame.warnings == []
+    assert len(frame.meshes) == 1
+    assert np.allclose(matrices[:, :, 3], 2.0 * np.array(corners))
+    assert np.allclose(matrices[:, :, :3], 0.5 * np.eye(3))
+    assert len(set(frame.arrays["instance_key"])) == len(corners)
+    radii = np.linalg.norm(frame.meshes[0].vertices, axis=1)
+    assert np.allclose(radii, radii[0])
+    assert np.isclose(radii[0], 1.0, atol=0.01)
 
 
 def test_simulations_without_a_bake_are_named_once() -> None:

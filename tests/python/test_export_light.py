@@ -148,7 +148,7 @@ def test_lamps_are_seen_where_cycles_shows_them(
     lamp.visible_camera = is_visible
     camera = add_camera()
     camera.location, camera.rotation_euler = (0, 0, 0), (math.pi, 0, 0)
-    seen = export_now().arrays["light_camera_visible"].tolist()
+    seen = (export_now().arrays["light_visibility"] & 1).tolist()
     pixels = render_with_cycles(tmp_path, 8, samples=1)
     assert seen == [int(pixels[4, 4, 0] > 0.0)]
     assert seen == [int(is_visible)]
@@ -188,17 +188,34 @@ def test_a_lamps_nodes_scale_its_power(tmp_path: Path) -> None:
 
 def test_what_a_lamp_does_beyond_is_named() -> None:
     add_camera()
-    lamp = add_light("AREA", spread=1.0, use_shadow=False)
+    lamp = add_light("AREA")
     lamp.light_linking.receiver_collection = bpy.data.collections.new("Lit")
     node = emission_of(lamp.data)
     falloff = lamp.data.node_tree.nodes.new("ShaderNodeLightFalloff")
     lamp.data.node_tree.links.new(falloff.outputs["Linear"], node.inputs["Strength"])
     assert export_now().warnings == [
-        "'Lamp': a light without shadows is not rendered yet, it casts shadows",
-        "'Lamp': Spread of an area light is not rendered yet",
         "'Lamp': Light linking is not rendered yet",
         "'Lamp': Light Falloff in Strength is not rendered yet (its default value is used)",
     ]
+
+
+def test_rays_that_see_a_lamp_its_spread_and_its_last_bounce_are_handed_over() -> None:
+    add_camera()
+    lamp = add_light("AREA", spread=1.0, use_shadow=False)
+    lamp.visible_camera, lamp.visible_glossy = True, False
+    lamp.data.cycles.max_bounces = 3
+    arrays = export_now().arrays
+    assert arrays["light_visibility"].tolist() == [1 + 2 + 8]
+    assert arrays["light_max_bounces"].tolist() == [3]
+    assert arrays["light_spread"].tolist() == [1.0]
+
+
+def test_a_portal_is_no_lamp() -> None:
+    add_camera()
+    add_light("AREA").data.cycles.is_portal = True
+    frame = export_now()
+    assert frame.warnings == []
+    assert len(frame.arrays["light_kind"]) == 0
 
 
 def test_a_lamp_without_size_in_space_is_left_out_by_name() -> None:

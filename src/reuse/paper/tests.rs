@@ -9,7 +9,7 @@ use crate::math::cone::{self, tan_beta};
 use crate::math::statistics::Random;
 use crate::math::warp::sample_sphere;
 use crate::reuse::lenders;
-use crate::scene::{Light, LightKind, SceneFrame, World};
+use crate::scene::{Light, LightKind, Reach, SceneFrame, Visibility, World};
 use crate::testing::{
     Estimate, Scene, Shoot, camera, cube, diffuse, glossy, glowing, image_world, mean_radiance,
     plain_world, sphere, square,
@@ -204,7 +204,10 @@ fn a_sun_is_each_pixels_own() {
         key: 1,
         world_from_light: Affine3A::from_rotation_x(0.6),
         power: Vec3A::splat(3.0),
-        camera_visible: false,
+        reach: Reach {
+            visibility: Visibility::from_bits(0b1_1110),
+            ..Reach::ALL
+        },
     });
     let frames = [scene.frame(1)];
     let expected = 0.5 / PI * 3.0 * 0.6f32.cos();

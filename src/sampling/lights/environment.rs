@@ -15,7 +15,7 @@ use super::{Emitter, LightClass, LightSample, Receiver};
 use crate::math::warp::{pdf_cosine_hemisphere, sample_cosine_hemisphere};
 use crate::math::{Frame, luminance};
 use crate::sampling::discrete::Discrete;
-use crate::scene::{Image, World};
+use crate::scene::{Image, Reach, World};
 
 /// Columns of the sky's grid at most: its tables stay in the fastest caches, and a finer grid lowers
 /// the noise hardly further once the sun is apart.
@@ -395,6 +395,7 @@ fn distant(direction: Vec3A, pdf: f32, class: LightClass) -> Option<LightSample>
         pdf_solid_angle: pdf,
         is_delta: false,
         class,
+        reach: Reach::ALL,
     })
 }
 

@@ -9,7 +9,7 @@ use super::{Emitter, LightClass, LightSample, Receiver};
 use crate::math::luminance;
 use crate::math::warp::sample_triangle;
 use crate::sampling::discrete::Discrete;
-use crate::scene::{self, Camera, Image, Instance, Material, Mesh, SceneFrame};
+use crate::scene::{self, Camera, Image, Instance, Material, Mesh, Reach, SceneFrame};
 use crate::shader::{Closure, Point, Program, RayInfo};
 
 /// The light of a program: where the ray that arrives has a direction, what leaves against it.
@@ -264,6 +264,7 @@ impl Emitter for MeshLight {
             pdf_solid_angle,
             is_delta: false,
             class: LightClass::Local,
+            reach: Reach::ALL,
         })
     }
 

@@ -25,7 +25,7 @@ use glam::Vec3A;
 use super::discrete::Discrete;
 use super::sampler::LightUse;
 use crate::math::Ray;
-use crate::scene::{Light, LightKind, SceneFrame, World};
+use crate::scene::{Light, LightKind, RayKind, Reach, SceneFrame, World};
 use area::Area;
 use environment::{ImageTables, SmallSky, lights_of};
 use mesh::MeshLight;
@@ -88,6 +88,8 @@ pub struct LightSample {
     pub is_delta: bool,
     /// Kind of light.
     pub class: LightClass,
+    /// Which rays it lights; [`LightSampler::sample`] knows it, the emitters do not.
+    pub reach: Reach,
 }
 
 /// A lamp that a ray runs into.
@@ -141,11 +143,6 @@ trait Emitter: Send + Sync {
         false
     }
 
-    /// Whether camera rays see the lamp.
-    fn camera_visible(&self) -> bool {
-        false
-    }
-
     /// Where it is, unless far away.
     fn position(&self) -> Option<Vec3A> {
         None
@@ -155,6 +152,8 @@ trait Emitter: Send + Sync {
 /// All lights of a frame.
 pub struct LightSampler {
     lights: Vec<Box<dyn Emitter>>,
+    /// Which rays each light lights.
+    reaches: Vec<Reach>,
     /// Lamps stand first in `lights`, the parts of the surroundings follow.
     lamps: usize,
     environment: std::ops::Range<usize>,
@@ -173,7 +172,10 @@ impl LightSampler {
     /// The lights of a frame. What is costly to make, the tables of the world's image, is taken
     /// over from another frame's lights if it fits.
     pub fn build(frame: &SceneFrame, previous: Option<&LightSampler>) -> Self {
-        let mut lights: Vec<Box<dyn Emitter>> = frame.lights.iter().filter_map(lamp).collect();
+        let lamps = frame.lights.iter();
+        let (mut lights, mut reaches): (Vec<_>, Vec<_>) = lamps
+            .filter_map(|light| Some((lamp(light)?, light.reach)))
+            .unzip();
         let lamps = lights.len();
         let previous = previous.and_then(|p| p.image_tables.as_ref());
         let (sky, sun, image_tables) = lights_of(&frame.world, previous);
@@ -181,11 +183,13 @@ impl LightSampler {
         lights.extend(sky.map(|sky| Box::new(sky) as Box<dyn Emitter>));
         lights.extend(sun.map(|sun| Box::new(sun) as Box<dyn Emitter>));
         let environment = lamps..lights.len();
+        reaches.resize(lights.len(), frame.world.reach);
         let mut glowing = Vec::new();
         for instance in 0..frame.instances.len() as u32 {
             if let Some(light) = MeshLight::new(frame, instance) {
                 glowing.push(instance);
                 lights.push(Box::new(light));
+                reaches.push(reach_of_surface(frame, instance));
             }
         }
         Self {
@@ -193,6 +197,7 @@ impl LightSampler {
                 .then(|| by_power(&lights))
                 .flatten(),
             lights,
+            reaches,
             lamps,
             environment,
             sky: sky_index,
@@ -274,6 +279,7 @@ impl LightSampler {
     ) -> Option<LightSample> {
         let mut sample = self.lights[index].sample(receiver, u_choice, u)?;
         sample.pdf_solid_angle *= pmf;
+        sample.reach = self.reaches[index];
         Some(sample)
     }
 
@@ -284,9 +290,14 @@ impl LightSampler {
             .unwrap_or_else(|| self.world.radiance(sample.direction))
     }
 
-    /// Radiance of the surroundings, their sun included, lamps not.
-    pub fn environment_radiance(&self, direction: Vec3A) -> Vec3A {
-        self.world.radiance(direction)
+    /// Radiance of the surroundings, their sun included, lamps not, for a ray of this kind from
+    /// this vertex of a path.
+    pub fn environment_radiance(&self, direction: Vec3A, kind: RayKind, vertex: u32) -> Vec3A {
+        match kind {
+            _ if !self.world.reach.includes(kind, vertex) => Vec3A::ZERO,
+            RayKind::Camera => self.world.radiance_for_camera(direction),
+            _ => self.world.radiance(direction),
+        }
     }
 
     /// Whether the surroundings' sun, which is a light apart from their sky, is in this direction.
@@ -323,20 +334,22 @@ impl LightSampler {
 
     /// The lamps that a ray with a unit direction meets up to its end; a sun only if it has none.
     /// Lamps hide nothing, so all of them count. `normal` is that of the ray's origin and enters
-    /// the density only; from the camera only lamps that it sees are met.
+    /// the density only. Lamps that rays of this kind from this vertex of a path do not see are
+    /// not met.
     pub fn lamps_along(
         &self,
         ray: &Ray,
         normal: Vec3A,
         strategy: Strategy,
-        from_camera: bool,
+        kind: RayKind,
+        vertex: u32,
     ) -> impl Iterator<Item = LightHit> {
         let receiver = Receiver {
             point: ray.origin,
             normal,
         };
         let lamps = self.lights[..self.lamps].iter().enumerate();
-        let visible = lamps.filter(move |(_, lamp)| !from_camera || lamp.camera_visible());
+        let visible = lamps.filter(move |&(index, _)| self.reaches[index].includes(kind, vertex));
         visible.filter_map(move |(index, lamp)| {
             let mut hit = lamp.intersect(ray, normal)?;
             hit.pdf_solid_angle *= self.pmf(index, strategy, &receiver);
@@ -443,18 +456,17 @@ const ALMOST_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
 /// The emitter of a lamp; `None` for one that cannot shine.
 fn lamp(light: &Light) -> Option<Box<dyn Emitter>> {
-    let (placement, power, visible) = (&light.world_from_light, light.power, light.camera_visible);
+    let (placement, power) = (&light.world_from_light, light.power);
     if !(power.max_element() > 0.0) {
         return None;
     }
-    let sphere =
-        |radius, soft, cone| Box::new(Sphere::new(placement, power, radius, soft, cone, visible));
-    let area = |size, shape| {
-        let area = Area::new(placement, power, size, shape, visible)?;
+    let sphere = |radius, soft, cone| Box::new(Sphere::new(placement, power, radius, soft, cone));
+    let area = |size, spread, shape| {
+        let area = Area::new(placement, power, size, spread, shape)?;
         Some(Box::new(area) as Box<dyn Emitter>)
     };
     match light.kind {
-        LightKind::Sun { angle } => Some(Box::new(Sun::new(placement, power, angle, visible))),
+        LightKind::Sun { angle } => Some(Box::new(Sun::new(placement, power, angle))),
         LightKind::Point {
             radius,
             soft_falloff,
@@ -468,8 +480,18 @@ fn lamp(light: &Light) -> Option<Box<dyn Emitter>> {
             let cone = Cone::new(placement, cone_angle, blend);
             Some(sphere(radius, soft_falloff, Some(cone)))
         }
-        LightKind::AreaRectangle { size } => area(size, area::Shape::Rectangle),
-        LightKind::AreaEllipse { size } => area(size, area::Shape::Ellipse),
+        LightKind::AreaRectangle { size, spread } => area(size, spread, area::Shape::Rectangle),
+        LightKind::AreaEllipse { size, spread } => area(size, spread, area::Shape::Ellipse),
+    }
+}
+
+/// The rays that a glowing surface lights: those that see it. It is a light like any other, whether
+/// or not it stops that of others.
+fn reach_of_surface(frame: &SceneFrame, instance: u32) -> Reach {
+    let visibility = frame.instances[instance as usize].visibility;
+    Reach {
+        visibility: visibility.with(RayKind::Shadow),
+        ..Reach::ALL
     }
 }
 

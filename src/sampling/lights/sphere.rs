@@ -14,6 +14,7 @@ use crate::math::warp::{
     sample_cosine_hemisphere, sample_disk,
 };
 use crate::math::{Frame, Ray, luminance};
+use crate::scene::Reach;
 
 /// A lamp with a radius below this [m] counts as a point.
 const RADIUS_MIN: f32 = 1e-6;
@@ -73,7 +74,6 @@ pub(super) struct Sphere {
     shape: Shape,
     power: Vec3A,
     cone: Option<Cone>,
-    camera_visible: bool,
 }
 
 impl Sphere {
@@ -83,7 +83,6 @@ impl Sphere {
         radius: f32,
         soft_falloff: bool,
         cone: Option<Cone>,
-        camera_visible: bool,
     ) -> Self {
         let shape = match (radius >= RADIUS_MIN, soft_falloff) {
             (false, _) => Shape::Point,
@@ -96,7 +95,6 @@ impl Sphere {
             shape,
             power,
             cone,
-            camera_visible,
         }
     }
 
@@ -237,6 +235,7 @@ impl Emitter for Sphere {
             pdf_solid_angle,
             is_delta,
             class: LightClass::Local,
+            reach: Reach::ALL,
         })
     }
 
@@ -248,10 +247,6 @@ impl Emitter for Sphere {
             radiance,
             pdf_solid_angle: self.pdf(ray.origin, normal, ray.direction, t),
         })
-    }
-
-    fn camera_visible(&self) -> bool {
-        self.camera_visible
     }
 
     fn position(&self) -> Option<Vec3A> {

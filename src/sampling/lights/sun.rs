@@ -7,6 +7,7 @@ use glam::{Affine3A, Vec3A};
 use super::{Emitter, LightClass, LightHit, LightSample, Receiver};
 use crate::math::warp::{one_minus_cos_from_sin_squared, pdf_cone, sample_cone};
 use crate::math::{Frame, Ray, luminance};
+use crate::scene::Reach;
 
 /// A sun with a disk smaller than this [rad] counts as a single direction.
 const ANGLE_MIN: f32 = 1e-5;
@@ -18,17 +19,11 @@ pub(super) struct Sun {
     /// Of the disk's half angle; `None` for a single direction.
     one_minus_cos: Option<f32>,
     sin_half_angle: f32,
-    camera_visible: bool,
 }
 
 impl Sun {
     /// A sun of this irradiance [W/m^2] on a plane that faces it. `angle` is the diameter [rad].
-    pub(super) fn new(
-        world_from_light: &Affine3A,
-        irradiance: Vec3A,
-        angle: f32,
-        camera_visible: bool,
-    ) -> Self {
+    pub(super) fn new(world_from_light: &Affine3A, irradiance: Vec3A, angle: f32) -> Self {
         let half_angle = (0.5 * angle).clamp(0.0, 0.5 * PI);
         let sin_half_angle = half_angle.sin();
         let one_minus_cos = one_minus_cos_from_sin_squared(sin_half_angle * sin_half_angle);
@@ -37,7 +32,6 @@ impl Sun {
             irradiance,
             one_minus_cos: (angle >= ANGLE_MIN).then_some(one_minus_cos),
             sin_half_angle,
-            camera_visible,
         }
     }
 
@@ -73,6 +67,7 @@ impl Emitter for Sun {
             pdf_solid_angle,
             is_delta: self.one_minus_cos.is_none(),
             class: LightClass::Sun,
+            reach: Reach::ALL,
         })
     }
 
@@ -86,9 +81,5 @@ impl Emitter for Sun {
             radiance: self.radiance(),
             pdf_solid_angle: pdf_cone(one_minus_cos),
         })
-    }
-
-    fn camera_visible(&self) -> bool {
-        self.camera_visible
     }
 }

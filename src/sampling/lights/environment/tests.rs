@@ -2,7 +2,7 @@ use super::*;
 use crate::contract::{Given, Numbers};
 use crate::math::statistics::{DirectionTest, MAX_SCORE, Random};
 use crate::math::warp::sample_sphere;
-use crate::scene::{Extension, Interpolation};
+use crate::scene::{Extension, Interpolation, Reach};
 
 const WIDTH: usize = 256;
 const HEIGHT: usize = 128;
@@ -39,7 +39,9 @@ fn world(image: Arc<Image>, environment_from_world: Mat3A) -> World {
     World {
         radiance: Vec3A::splat(0.5),
         image: Some(image),
+        camera_image: None,
         environment_from_world,
+        reach: Reach::ALL,
     }
 }
 

@@ -1,0 +1,91 @@
+//! Which rays see a thing: Blender's Ray Visibility.
+
+/// A ray, named after where it starts: at the camera, by which scattering, or for a test whether
+/// light arrives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RayKind {
+    /// From the camera, through whatever is transparent.
+    Camera,
+    /// Reflected by a diffuse closure.
+    Diffuse,
+    /// Reflected by a glossy closure.
+    Glossy,
+    /// Passed on by any closure to the other side.
+    Transmission,
+    /// Between a surface and a light.
+    Shadow,
+}
+
+/// A set of kinds of rays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Visibility(u32);
+
+impl Visibility {
+    /// Seen by every ray.
+    pub const ALL: Self = Self(0b1_1111);
+
+    /// From the contract's bits: [`RayKind`] in the order of its variants.
+    pub const fn from_bits(bits: u32) -> Self {
+        Self(bits & Self::ALL.0)
+    }
+
+    /// Whether rays of this kind see it.
+    pub const fn includes(self, kind: RayKind) -> bool {
+        self.0 & (1 << kind as u32) != 0
+    }
+
+    /// Seen by rays of this kind as well.
+    pub const fn with(self, kind: RayKind) -> Self {
+        Self(self.0 | 1 << kind as u32)
+    }
+}
+
+/// How far the light of a lamp, of a glowing surface or of the surroundings reaches.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Reach {
+    /// The rays that find it. Without shadow rays nothing stops its light.
+    pub visibility: Visibility,
+    /// Number of the last vertex of a path that it lights, counted from 0 at the camera's surface.
+    pub max_bounces: u32,
+}
+
+impl Reach {
+    /// Every ray, every vertex.
+    pub const ALL: Self = Self {
+        visibility: Visibility::ALL,
+        max_bounces: u32::MAX,
+    };
+
+    /// Whether a vertex of a path is lit by what a ray of this kind finds.
+    pub const fn includes(self, kind: RayKind, vertex: u32) -> bool {
+        self.visibility.includes(kind) && vertex <= self.max_bounces
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use RayKind::{Camera, Diffuse, Glossy, Shadow, Transmission};
+
+    #[test]
+    fn bits_name_the_kinds_in_their_order() {
+        for (bit, kind) in [Camera, Diffuse, Glossy, Transmission, Shadow]
+            .iter()
+            .enumerate()
+        {
+            let only = Visibility::from_bits(1 << bit);
+            assert!(only.includes(*kind) && Visibility::ALL.includes(*kind));
+            assert_eq!(Visibility::from_bits(0).with(*kind), only);
+            assert!(!Visibility::from_bits(!(1 << bit)).includes(*kind));
+        }
+    }
+
+    #[test]
+    fn light_ends_after_its_last_bounce() {
+        let reach = Reach {
+            max_bounces: 1,
+            ..Reach::ALL
+        };
+        assert!(reach.includes(Diffuse, 1) && !reach.includes(Diffuse, 2));
+    }
+}
