@@ -147,6 +147,9 @@ class DUALCONE_PT_reuse(RenderPanel, bpy.types.Panel):
     ) -> None:
         """Draw the settings; those without effect on the chosen method are greyed out."""
         layout.prop(settings, "method")
+        own = layout.column()
+        own.active = settings.method == "PATH"
+        own.prop(settings, "gathers")
         shared = layout.column()
         shared.active = settings.method != "PATH"
         shared.prop(settings, "block")

@@ -539,6 +539,8 @@ settings! {
     samples: u32 = Kind::Int(64, 1, 65535), "Samples";
     /// Changes the noise pattern, nothing else.
     seed: u32 = Kind::Int(0, 0, 0x7fff_ffff), "Seed";
+    /// Path Tracing only: paths that go on from the surface that a camera ray finds.
+    gathers: u32 = Kind::Int(1, 1, 64), "Gathers";
     /// Side of the block of pixels that lend samples.
     block: u32 = Kind::Int(7, 1, 15), "Block";
     /// Frames that share samples, counting the frame itself.

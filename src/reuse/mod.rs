@@ -84,16 +84,22 @@ impl View<'_> {
         Ok(())
     }
 
-    /// Traces the camera ray of an iteration through pixel (`x`, `y`) of the region.
-    pub fn shoot(&self, x: usize, y: usize, iteration: u32) -> Shot {
+    /// The random numbers of an iteration of pixel (`x`, `y`) of the region.
+    pub fn sampler(&self, x: usize, y: usize, iteration: u32) -> Sampler {
         let tracer = &self.tracer;
         let pixel_index = self.region.pixel_index(x, y);
-        let sampler = Sampler::new(
+        Sampler::new(
             tracer.settings.seed,
             tracer.frame.frame,
             pixel_index,
             iteration,
-        );
+        )
+    }
+
+    /// Traces the camera ray of an iteration through pixel (`x`, `y`) of the region.
+    pub fn shoot(&self, x: usize, y: usize, iteration: u32) -> Shot {
+        let tracer = &self.tracer;
+        let sampler = self.sampler(x, y, iteration);
         let numbers = sampler.camera();
         let offset = Vec2::from_array(numbers.pixel.map(|u| self.filter.sample(u)));
         let film = self.region.film(x, y, offset);
@@ -239,7 +245,7 @@ pub trait WithEstimator {
 /// Runs `work` with the estimator of the settings. A new estimator is a line here.
 pub fn with_estimator<W: WithEstimator>(settings: &Settings, work: W) -> W::Output {
     match settings.method {
-        Method::Path => work.run(&plain::Plain),
+        Method::Path => work.run(&plain::Plain::new(settings)),
         Method::DualCone => work.run(&dual_cone::DualCone::new(settings)),
         Method::Paper => work.run(&paper::Paper::new(settings)),
     }

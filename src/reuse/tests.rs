@@ -323,6 +323,25 @@ fn sharing_keeps_the_energy_behind_every_camera() {
     }
 }
 
+/// Splitting costs no energy, and where light makes the noise it pays: eight gathers take away
+/// most of it.
+#[test]
+fn gathers_of_one_camera_ray_are_as_good_as_samples() {
+    let room = [room(1)];
+    let split = |gathers| {
+        let settings = Settings {
+            gathers,
+            samples: 2,
+            ..settings(Method::Path)
+        };
+        shoot(&room, settings).mean_of(1, SEEDS)
+    };
+    let (one, eight) = (split(1), split(8));
+    let bias = eight.against(one);
+    assert!(bias.mean.abs() < MAX_SCORE * bias.error, "{bias:?}");
+    assert!(eight.error < 0.6 * one.error, "{one:?} {eight:?}");
+}
+
 /// Sharing must pay where it is meant to: the pictures of two seeds differ less.
 #[test]
 fn a_room_is_less_noisy_with_sharing() {
