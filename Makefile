@@ -20,7 +20,7 @@ HOST_WHEEL := $(if $(filter Linux,$(shell uname -s)),--zig --compatibility manyl
 CORE_FILES := Cargo.toml Cargo.lock pyproject.toml $(shell find src python -type f -name '*.[rp][sy]*')
 ADDON_FILES := $(shell find addon -type f -not -name '*.pyc')
 
-.PHONY: help demo test lint format test-rust test-python test-blender extension extension-all bench bench-paper chart parity parity-references clean
+.PHONY: help demo test lint format test-rust test-python test-blender extension extension-full extension-all bench bench-paper chart parity parity-references stability clean
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -53,11 +53,18 @@ test-rust: ## the renderer, without Python
 test-python: $(BPY_NEW)/.ready $(BPY_OLD)/.ready build/site/.ready ## the add-on in Blender 5.0 and 4.2 (bpy wheels)
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python -m pytest tests/python
 	PYTHONPATH=build/site $(BPY_OLD)/bin/python -m pytest tests/python
+	PYTHONPATH=build/site $(BPY_NEW)/bin/python -m pytest tests/stability
 
 test-blender: extension $(BPY_NEW)/.ready ## the installed extension in the real Blender 5.2
 	$(BPY_NEW)/bin/python -m pytest tests/blender
 
 extension: build/extension.ready ## dist/dualcone-VERSION-PLATFORM.zip for this platform
+
+# The denoiser's library, for a Blender that was built without it; 87 MB.
+extension-full: build/extension.ready ## the same with OpenImageDenoise inside
+	rm -rf build/wheel-full
+	$(TOOLS)/bin/pip download --quiet --no-deps --dest build/wheel-full --requirement tests/requirements-full.txt
+	$(TOOLS)/bin/python scripts/build_extension.py --full build/wheel/*.whl build/wheel-full/*.whl
 
 extension-all: $(TOOLS)/.ready ## the same for all five platforms, cross-built
 	$(TOOLS)/bin/python scripts/build_all.py
@@ -81,6 +88,9 @@ parity: $(BPY_NEW)/.ready build/site/.ready ## every feature against Cycles: out
 
 parity-references: $(BPY_NEW)/.ready build/site/.ready ## render the pictures of Cycles in tests/parity/references anew
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/parity.py --references
+
+stability: $(BPY_NEW)/.ready build/site/.ready ## where sharing samples may fail: larger pictures, more seeds
+	PYTHONPATH=build/site DUALCONE_STABILITY=long $(BPY_NEW)/bin/python -m pytest tests/stability -rP
 
 clean: ## remove what was built, keep what was downloaded
 	rm -rf build/site build/wheel build/extension.ready dist out

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import bpy
 
-from . import core, engine, properties, ui
+from . import core, denoise_node, engine, properties, ui
 
 log = logging.getLogger(__package__)
 
@@ -36,6 +36,7 @@ def register() -> None:
         log.error(problem)
     properties.register()
     engine.register()
+    denoise_node.register()
     ui.register()
     bpy.utils.register_preset_path(str(Path(__file__).parent))
 
@@ -44,6 +45,7 @@ def unregister() -> None:
     """Take all of it away again."""
     bpy.utils.unregister_preset_path(str(Path(__file__).parent))
     ui.unregister()
+    denoise_node.unregister()
     engine.unregister()
     properties.unregister()
     log.removeHandler(_console)

@@ -1,4 +1,4 @@
-"""OpenImageDenoise through its C interface: arrays in, arrays out. Knows nothing of bpy.
+"""OpenImageDenoise through its C interface: arrays in, arrays out.
 
 The library is Blender's own where Blender has one, so that two versions never meet in a process,
 and else that of the PyPI wheel pyoidn, which the "full" extension carries.
@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,14 +50,9 @@ class DenoiseError(Exception):
 def _candidates() -> Iterator[str]:
     """List where the library may be, Blender's own first."""
     names = _NAMES.get(sys.platform, ())
-    bpy = sys.modules.get("bpy")
-    program = getattr(getattr(bpy, "app", None), "binary_path", "")
-    places = [Path(program).parent] if program else []
-    if bpy is not None and getattr(bpy, "__file__", None):  # Blender as a Python module.
-        places.append(Path(bpy.__file__).parent)
-    for place in places:
-        for folder in (".", "lib", "blender.shared", "../Resources/lib"):
-            yield from (str(place / folder / name) for name in names)
+    place = Path(bpy.utils.resource_path("LOCAL")).parent
+    for folder in ("lib", "blender.shared"):
+        yield from (str(place / folder / name) for name in names)
     found = importlib.util.find_spec("pyoidn")  # Found, not imported: it would want cffi.
     for place in (found.submodule_search_locations or ()) if found else ():
         folder = "bin" if sys.platform == "win32" else "lib"

@@ -20,8 +20,9 @@ from types import ModuleType
 from typing import Any
 
 import bpy
+import numpy as np
 
-from . import core, passes, properties, session
+from . import core, denoise, passes, properties, session
 from .export import ExportCache, ExportedFrame, ExportError, ExportStopped, export_frame
 from .session import SESSION, Order, Recipe, Region, RenderedFrame, ViewKey
 
@@ -93,7 +94,7 @@ class DualConeEngine(bpy.types.RenderEngine):
             yield
         except (session.Stopped, ExportStopped):
             SESSION.clear()
-        except (core.CoreError, ExportError, session.RenderError) as error:
+        except (core.CoreError, ExportError, session.RenderError, denoise.DenoiseError) as error:
             self._fail(str(error))
         except MemoryError:
             self._fail(NO_MEMORY)
@@ -131,9 +132,14 @@ class DualConeEngine(bpy.types.RenderEngine):
         is_done = False
         try:
             frame = work.finished or self._trace(work, canvas)
-            started = time.perf_counter()
-            canvas.write(frame.passes)
             seconds = {"export": work.export_seconds, **frame.report["seconds"]}
+            pixels = frame.passes
+            if dict(order.recipe.settings)["denoise"]:
+                started = time.perf_counter()
+                pixels = self._denoised(pixels)
+                seconds["denoise"] = time.perf_counter() - started
+            started = time.perf_counter()
+            canvas.write(pixels)
             seconds["write"] = time.perf_counter() - started
             report = {**frame.report, "seconds": seconds}
             method = dict(order.recipe.settings)["method"]
@@ -143,6 +149,15 @@ class DualConeEngine(bpy.types.RenderEngine):
             canvas.close(cancel=not is_done)
         self.update_progress(1.0)
         log.info(session.log_line(order.frame, method, report))
+
+    def _denoised(self, pixels: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return the passes with Combined denoised, or as they are where nothing can do it."""
+        problem = denoise.problem()
+        if problem is not None:
+            self._warn(f"The picture is not denoised: {problem}")
+            return pixels
+        clean = denoise.denoise(pixels["Combined"], pixels["Albedo"], pixels["Normal"])
+        return {**pixels, "Combined": clean}
 
     def _trace(self, work: Work, canvas: passes.Canvas) -> RenderedFrame:
         order = work.order

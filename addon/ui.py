@@ -9,7 +9,7 @@ import bpy
 from bl_operators.presets import AddPresetBase
 from bl_ui.utils import PresetPanel
 
-from . import core, passes
+from . import core, denoise, passes
 from .engine import DualConeEngine
 
 ENGINE = DualConeEngine.bl_idname
@@ -134,6 +134,12 @@ class DUALCONE_PT_sampling(RenderPanel, bpy.types.Panel):
         layout.prop(settings, "samples")
         layout.prop(settings, "noise_threshold")
         layout.prop(settings, "time_limit")
+        layout.prop(settings, "denoise")
+        problem = denoise.problem() if settings.denoise else None
+        if problem is not None:
+            for row, line in enumerate(textwrap.wrap(problem, 48)):
+                layout.label(text=line, icon="NONE" if row else "ERROR")
+            layout.operator("render.dualcone_denoise_node")
         layout.prop(settings, "seed")
 
 

@@ -1,11 +1,13 @@
 """Pack addon/ and a wheel into an extension that Blender can install.
 
-python scripts/build_extension.py WHEEL...    one zip per wheel, in dist/
+python scripts/build_extension.py WHEEL...                  one zip per wheel, in dist/
+python scripts/build_extension.py --full WHEEL DENOISER     one "full" zip that holds both
 """
 
 import sys
 import tomllib
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -36,14 +38,15 @@ def blender_platform(wheel: Path) -> str:
     sys.exit(f"{wheel.name}: no Blender platform is known for {tag}")
 
 
-def complete_manifest(wheel: Path) -> str:
-    """Return the manifest with the lines that depend on the wheel."""
+def complete_manifest(wheel: Path, others: Sequence[Path]) -> str:
+    """Return the manifest with the lines that depend on the wheels."""
     manifest = (ADDON / MANIFEST).read_text("utf-8")
     version = tomllib.loads(manifest)["version"]
     if version != wheel_version(wheel):
         sys.exit(f"addon/{MANIFEST} says {version}, Cargo.toml {wheel_version(wheel)}")
     platforms = f'platforms = ["{blender_platform(wheel)}"]'
-    return f'{manifest}{platforms}\nwheels = ["./wheels/{wheel.name}"]\n'
+    wheels = ", ".join(f'"./wheels/{each.name}"' for each in (wheel, *others))
+    return f"{manifest}{platforms}\nwheels = [{wheels}]\n"
 
 
 def addon_files() -> list[Path]:
@@ -52,15 +55,17 @@ def addon_files() -> list[Path]:
     return sorted(path for path in files if "__pycache__" not in path.parts)
 
 
-def pack(wheel: Path) -> Path:
-    """Write dist/dualcone-VERSION-PLATFORM.zip and return its path."""
-    manifest = complete_manifest(wheel)
-    target = ROOT / "dist" / f"dualcone-{wheel_version(wheel)}-{blender_platform(wheel)}.zip"
+def pack(wheel: Path, others: Sequence[Path] = ()) -> Path:
+    """Write dist/dualcone-VERSION-PLATFORM.zip, "-full" with other wheels, and return its path."""
+    manifest = complete_manifest(wheel, others)
+    name = f"dualcone-{wheel_version(wheel)}-{blender_platform(wheel)}"
+    target = ROOT / "dist" / f"{name}{'-full' if others else ''}.zip"
     target.parent.mkdir(exist_ok=True)
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(MANIFEST, manifest)
         archive.write(ROOT / "LICENSE", "LICENSE")
-        archive.write(wheel, f"wheels/{wheel.name}")
+        for each in (wheel, *others):
+            archive.write(each, f"wheels/{each.name}")
         for path in addon_files():
             archive.write(path, path.relative_to(ADDON).as_posix())
     return target
@@ -69,5 +74,9 @@ def pack(wheel: Path) -> Path:
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit(__doc__)
+    if sys.argv[1] == "--full":
+        own, *further = (Path(argument) for argument in sys.argv[2:])
+        print(pack(own, further).relative_to(ROOT))
+        sys.exit()
     for argument in sys.argv[1:]:
         print(pack(Path(argument)).relative_to(ROOT))

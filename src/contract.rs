@@ -460,6 +460,7 @@ pub const PASSES: &[PassSpec] = &[
         "COLOR",
         "Mean share of light that the surface reflects.",
     ),
+    pass("Noisy Image", "RGBA", "COLOR", "Combined before denoising."),
     pass("Sample Count", "X", "VALUE", "Camera rays of the pixel."),
     pass(
         "Borrowing",
@@ -534,6 +535,8 @@ settings! {
         ("DUAL_CONE", "Dual Cone", "Borrow samples from neighbouring pixels and frames, weighted per class of light"),
         ("PAPER", "Paper", "The method of Zhou and Chen (2015) as printed, for comparison"),
         ("PATH", "Path Tracing", "Every pixel on its own: the unbiased reference"),
+        ("BILATERAL", "Bilateral Filter", "For comparison: a filter guided by normal, albedo and depth"),
+        ("IRRADIANCE_CACHE", "Irradiance Cache", "For comparison: diffuse light at few points, interpolated"),
     ]), "Method";
     /// Camera rays per pixel and frame.
     samples: u32 = Kind::Int(64, 1, 65535), "Samples";
@@ -577,6 +580,8 @@ settings! {
     clamp_indirect: f32 = Kind::Float(0.0, 0.0, 1e8), "Clamp Indirect";
     /// A frame ends early once its noise is this share of its brightness; 0 for never.
     noise_threshold: f32 = Kind::Float(0.0, 0.0, 1.0), "Noise Threshold";
+    /// Remove what noise is left with OpenImageDenoise, guided by albedo and normal.
+    denoise: bool = Kind::Bool(false), "Denoise";
     /// Seconds a frame may take; 0 for no limit.
     time_limit: f32 = Kind::Float(0.0, 0.0, 1e6), "Time Limit";
     /// Shape of the pixel filter.
@@ -694,7 +699,7 @@ macro_rules! word {
 
 word! {
     /// How frames are rendered.
-    Method { DualCone = "DUAL_CONE", Paper = "PAPER", Path = "PATH" }
+    Method { DualCone = "DUAL_CONE", Paper = "PAPER", Path = "PATH", Bilateral = "BILATERAL", IrradianceCache = "IRRADIANCE_CACHE" }
 }
 word! {
     /// Which borrowed samples of the paper's method are tested again for visibility.

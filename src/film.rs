@@ -317,7 +317,8 @@ impl Film {
                 .collect()
         };
         match pass {
-            "Combined" => self.combined(),
+            // Whoever calls the renderer denoises Combined, not the renderer.
+            "Combined" | "Noisy Image" => self.combined(),
             "Depth" => self.pixels.iter().map(|p| p.depth).collect(),
             "Normal" => each(|p, mean| Vec3A::from(p.normal) * mean),
             "Albedo" => each(|p, mean| Vec3A::from(p.albedo) * mean),

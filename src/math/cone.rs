@@ -68,6 +68,8 @@ pub fn shift(offset: Vec3A, direction: Vec3A, distance: f32, tan_beta: f32) -> f
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
     use crate::math::statistics::Random;
     use crate::math::warp::sample_disk;
@@ -147,6 +149,81 @@ mod tests {
         let ratio = |solid_angle: f32| tan_beta_equal_area(solid_angle) / tan_beta(solid_angle);
         assert!((ratio(2.0 * TAU / 1500.0) - 1.0).abs() < 0.0025);
         assert!((ratio(2.0 * TAU / 30.0) - 1.0).abs() < 0.055);
+    }
+
+    /// Numbers from a subnormal to a light year, zero and infinity among them.
+    fn lengths() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            Just(0.0),
+            Just(f32::INFINITY),
+            Just(f32::from_bits(1)),
+            (-40.0f32..16.0).prop_map(|exponent| 10f32.powf(exponent)),
+        ]
+    }
+
+    fn vectors(size: f32) -> impl Strategy<Value = Vec3A> {
+        [-size..=size, -size..=size, -size..=size].prop_map(Vec3A::from_array)
+    }
+
+    proptest! {
+        /// Any two bit patterns that are numbers: a larger shift never leaves more.
+        #[test]
+        fn overlap_falls_from_one_to_zero(a: f32, b: f32) {
+            prop_assume!(!a.is_nan() && !b.is_nan());
+            for c in [overlap as fn(f32) -> f32, overlap_fast] {
+                let (low, high) = (c(a.min(b)), c(a.max(b)));
+                prop_assert!((0.0..=1.000_04).contains(&low) && high >= 0.0);
+                prop_assert!(high <= low + 1e-6, "{a} {b}: {low} {high}");
+            }
+        }
+
+        #[test]
+        fn a_larger_light_has_a_wider_cone(a in lengths(), b in lengths()) {
+            for tangent in [tan_beta as fn(f32) -> f32, tan_beta_equal_area] {
+                let (low, high) = (tangent(a.min(b)), tangent(a.max(b)));
+                prop_assert!(low >= 0.0 && low <= high, "{a} {b}: {low} {high}");
+            }
+        }
+
+        /// Points up to 1e6 m apart, any distance and any light: the overlap is a probability.
+        #[test]
+        fn trust_is_a_probability_everywhere(
+            offset in vectors(1e6),
+            toward in vectors(1.0),
+            distance in lengths(),
+            solid_angle in lengths(),
+        ) {
+            let direction = toward.normalize_or(Vec3A::Z);
+            for tangent in [tan_beta(solid_angle), tan_beta_equal_area(solid_angle)] {
+                let g = shift(offset, direction, distance, tangent);
+                prop_assert!((0.0..=1.0).contains(&g), "{g}");
+                prop_assert!((0.0..=1.0).contains(&overlap(g)));
+            }
+        }
+
+        /// Eq. 3 in other words: shrinking the whole world changes no trust, nor does looking from
+        /// the other point, nor a step along the direction.
+        #[test]
+        fn trust_does_not_depend_on_scale_or_order(
+            offset in vectors(1.0),
+            toward in vectors(1.0),
+            distance in 0.1f32..10.0,
+            tangent in 0.01f32..2.0,
+            scale in prop_oneof![Just(1e-4f32), Just(1e6f32)],
+            step in -10.0f32..10.0,
+        ) {
+            let direction = toward.normalize_or(Vec3A::Z);
+            let g = shift(offset, direction, distance, tangent);
+            for other in [
+                shift(offset * scale, direction, distance * scale, tangent),
+                shift(-offset, direction, distance, tangent),
+                shift(offset + step * direction, direction, distance, tangent),
+            ] {
+                // Rounding of the step against the offset, as a share of the cone.
+                let error = 1e-5 * (1.0 + step.abs()) / (distance * tangent);
+                prop_assert!((g - other).abs() < error, "{g} {other}");
+            }
+        }
     }
 
     #[test]

@@ -4,7 +4,9 @@
 //! every frame of the window traces one sample per pixel and leaves records; in the second, every
 //! target frame gathers from the records of its lenders.
 
+mod bilateral;
 mod dual_cone;
+mod irradiance_cache;
 mod light_tree;
 mod paper;
 mod plain;
@@ -206,7 +208,7 @@ pub trait Estimator: Sync {
 pub fn lenders(settings: &Settings, frame: i32, step: i32) -> Vec<i32> {
     let (window, step) = (settings.window as i32, step.max(1));
     match settings.method {
-        Method::Path => vec![frame],
+        Method::Path | Method::Bilateral | Method::IrradianceCache => vec![frame],
         Method::DualCone => {
             // Centred; an even window looks one frame further back.
             let first = frame - (window / 2) * step;
@@ -248,6 +250,8 @@ pub fn with_estimator<W: WithEstimator>(settings: &Settings, work: W) -> W::Outp
         Method::Path => work.run(&plain::Plain::new(settings)),
         Method::DualCone => work.run(&dual_cone::DualCone::new(settings)),
         Method::Paper => work.run(&paper::Paper::new(settings)),
+        Method::Bilateral => work.run(&bilateral::Bilateral::new(settings)),
+        Method::IrradianceCache => work.run(&irradiance_cache::IrradianceCache),
     }
 }
 

@@ -102,13 +102,14 @@ class Rendering:
 
 
 class Scene:
-    """A .blend, opened in Blender; only the one opened last can be rendered."""
+    """A .blend, opened in Blender, or what is open there; only the last one can be rendered."""
 
-    def __init__(self, path: Path) -> None:
-        if not path.exists():
-            raise SceneError(f"{path}: no such file")
-        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
-        self.name = path.stem
+    def __init__(self, path: Path | None = None) -> None:
+        if path is not None:
+            if not path.exists():
+                raise SceneError(f"{path}: no such file")
+            bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+        self.name = path.stem if path else "open scene"
         self.cache = addon("export.cache").ExportCache()
         self._exported: dict[tuple[int, Resolution], Any] = {}
 
