@@ -26,7 +26,7 @@ PREVIEW_SECONDS = 0.5
 # Without windows Blender writes every status line to its log.
 LOG_SECONDS = 2.0
 # Film, records and finished passes beside the scene: the most that the renderer may take.
-BYTES_PER_PIXEL_AND_FRAME = 112
+BYTES_PER_PIXEL_AND_FRAME = 120
 # Share of the machine's memory for frames rendered together; the scene needs the rest.
 MEMORY_SHARE = 0.25
 

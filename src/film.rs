@@ -155,6 +155,17 @@ pub struct Film {
     pub lending: Vec<Lending>,
     /// What the first iteration brought, until it was judged; empty before and after.
     pub pilot: Vec<Pilot>,
+    /// How far what pixels borrow is from what they find themselves; empty where none borrows.
+    pub drift: Drift,
+}
+
+/// Luminance of pixels' own light less that of what they borrowed, over the iterations.
+#[derive(Default)]
+pub struct Drift {
+    /// Sum of each pixel.
+    pub sums: Vec<f32>,
+    /// Each sum when the number of iterations was last a power of two; the halves tell the noise.
+    pub first_half: Vec<f32>,
 }
 
 /// Whose samples a pixel takes beside its own.
@@ -252,6 +263,7 @@ impl Film {
             noise: None,
             lending: Vec::new(),
             pilot: Vec::new(),
+            drift: Drift::default(),
         }
     }
 
@@ -278,9 +290,9 @@ impl Film {
         &mut self.pixels
     }
 
-    /// All pixels, and from where they borrow.
-    pub fn pixels_and_lending(&mut self) -> (&mut [PixelSums], &[Lending]) {
-        (&mut self.pixels, &self.lending)
+    /// All pixels, from where they borrow, and how far that leads them.
+    pub fn pixels_and_lending(&mut self) -> (&mut [PixelSums], &[Lending], &mut Drift) {
+        (&mut self.pixels, &self.lending, &mut self.drift)
     }
 
     /// Counts an iteration that is complete in every pixel.
@@ -347,8 +359,10 @@ impl Film {
 
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
+        // Of the drift, which takes the place of the pilot.
+        let drift = 2 * size_of::<f32>();
         let halves = self.noise.as_ref().map_or(0, |_| size_of::<f32>());
-        self.pixels.len() * (size_of::<PixelSums>() + size_of::<Lending>() + halves)
+        self.pixels.len() * (size_of::<PixelSums>() + size_of::<Lending>() + drift + halves)
     }
 }
 

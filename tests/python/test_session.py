@@ -70,7 +70,7 @@ class TestPlan:
         assert session.plan_targets(1, 1, 9, 5, lambda f: f in (1, 3)) == [1, 2, 4, 5]
 
     def test_memory_bounds_the_number_of_frames(self) -> None:
-        assert session.frames_in_memory(1_000_000, 4 << 30) == int((4 << 30) * 0.25) // 112_000_000
+        assert session.frames_in_memory(1_000_000, 4 << 30) == int((4 << 30) * 0.25) // 120_000_000
         assert session.frames_in_memory(10**9, 1 << 30) == 1
         assert session.physical_memory_bytes() > 1 << 28
 

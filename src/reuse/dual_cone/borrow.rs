@@ -110,8 +110,8 @@ struct Place {
 
 /// What a row of pixels says about borrowing.
 pub enum Notes<'a> {
-    /// From where each pixel borrows.
-    Choice(&'a [Lending]),
+    /// From where each pixel borrows; how far that is from its own light is noted.
+    Choice(&'a [Lending], &'a mut [f32]),
     /// All borrow from the window, and what they get by each way is noted.
     Pilot(&'a mut [Pilot]),
 }
@@ -131,17 +131,22 @@ impl Work for BorrowRow<'_> {
     fn run<V: Vector>(mut self) {
         for (x, pixel) in self.pixels.iter_mut().enumerate() {
             let lending = match &self.notes {
-                Notes::Choice(lending) => lending[x],
+                Notes::Choice(lending, _) => lending[x],
                 Notes::Pilot(_) => Lending::Window,
             };
             let before = pixel.luminance();
-            let [own, frame] = self.borrow.add_pixel::<V>(x, self.y, lending, pixel);
-            if let Notes::Pilot(pilot) = &mut self.notes {
-                pilot[x] = Pilot {
-                    window: pixel.luminance(),
-                    frame: before + frame,
-                    own: before + own,
-                };
+            let got = self.borrow.add_pixel::<V>(x, self.y, lending, pixel);
+            match &mut self.notes {
+                Notes::Pilot(pilot) => {
+                    pilot[x] = Pilot {
+                        window: pixel.luminance(),
+                        frame: before + got.frame,
+                        own: before + got.own,
+                    }
+                }
+                Notes::Choice(_, drift) => {
+                    drift[x] += got.own - got.window;
+                }
             }
         }
     }
@@ -158,8 +163,8 @@ impl Borrow<'_> {
         });
     }
 
-    /// Adds what a pixel gets from there; returns the luminance that it would have got by its own
-    /// sample and by those of its frame.
+    /// Adds what a pixel gets from there; returns its luminance as the window's, and that which the
+    /// pixel would have got by its own sample and by those of its frame.
     #[inline(always)]
     fn add_pixel<V: Vector>(
         &self,
@@ -167,16 +172,21 @@ impl Borrow<'_> {
         y: usize,
         lending: Lending,
         pixel: &mut PixelSums,
-    ) -> [f32; 2] {
+    ) -> Pilot {
         let Some(block) = self.block(x, y) else {
-            return [0.0; 2];
+            return Pilot::default();
         };
         let albedo = self.receiver(x, y).albedo();
         let own = albedo * self.own_irradiance(x, y);
         if lending == Lending::None {
             pixel.add_radiance(own);
             pixel.add_effective_samples(1.0);
-            return [luminance(own); 2];
+            let own = luminance(own);
+            return Pilot {
+                window: own,
+                frame: own,
+                own,
+            };
         }
         let mut sums = Sums::<V>::new();
         let is_own = |lender: &usize| self.lenders[*lender] == self.target;
@@ -189,9 +199,14 @@ impl Borrow<'_> {
                 self.add_lender(&block, lender, x, y, &mut sums);
             }
         }
-        pixel.add_radiance(albedo * sums.irradiance());
+        let borrowed = albedo * sums.irradiance();
+        pixel.add_radiance(borrowed);
         pixel.add_effective_samples(sums.effective_samples(self.classes));
-        [luminance(own), luminance(frame)]
+        Pilot {
+            window: luminance(borrowed),
+            frame: luminance(frame),
+            own: luminance(own),
+        }
     }
 
     fn receiver(&self, x: usize, y: usize) -> &Receiver {

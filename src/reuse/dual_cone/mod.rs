@@ -19,6 +19,7 @@
 //! and the objects' motion; a smooth kernel in place of the overlap's arc cosine.
 
 mod borrow;
+mod drift;
 mod records;
 mod sample;
 mod veto;
@@ -170,7 +171,14 @@ impl Estimator for DualCone {
             kernel_floor: kernel_floor(iteration),
         };
         if iteration >= PILOT_ITERATIONS {
-            return share_as_chosen(&borrow, film);
+            share_as_chosen(&borrow, film)?;
+            drift::look(
+                view.region,
+                iteration + 1,
+                &mut film.drift,
+                &mut film.lending,
+            );
+            return Ok(());
         }
         let pilot = share_all_ways(&borrow, film)?;
         self.choose(view, lenders.len(), pilot, film);
@@ -192,6 +200,7 @@ impl DualCone {
         let records = (2 * self.half_block + 1).pow(2);
         let costs = Costs::new(records, lenders, lends_indirect(view));
         film.lending = veto::choose(view.region, &first, &second, costs);
+        film.drift = drift::none(view.region);
     }
 }
 
@@ -214,14 +223,17 @@ fn share_all_ways(borrow: &Borrow, film: &mut Film) -> Result<Vec<Pilot>> {
 /// Every pixel borrows from where it was chosen to.
 fn share_as_chosen(borrow: &Borrow, film: &mut Film) -> Result<()> {
     let view = &borrow.views[borrow.target];
-    let (pixels, lending) = film.pixels_and_lending();
-    let rows = pixels.par_chunks_mut(view.region.width);
-    let choices = lending.par_chunks(view.region.width);
+    let width = view.region.width;
+    let (pixels, lending, drift) = film.pixels_and_lending();
+    let rows = pixels.par_chunks_mut(width);
+    let choices = lending.par_chunks(width);
+    let sums = drift.sums.par_chunks_mut(width);
     rows.zip(choices)
+        .zip(sums)
         .enumerate()
-        .try_for_each(|(y, (pixels, choice))| {
+        .try_for_each(|(y, ((pixels, choice), drift))| {
             view.check_cancelled()?;
-            borrow.add_row(y, pixels, Notes::Choice(choice));
+            borrow.add_row(y, pixels, Notes::Choice(choice, drift));
             Ok(())
         })
 }
