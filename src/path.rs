@@ -157,6 +157,8 @@ pub struct Gathered {
     pub indirect: Vec3A,
     /// Length of the ray [m]; infinite where it left the scene.
     pub distance: f32,
+    /// Probability of the Lambert part of the surface that the ray met; 0 without one.
+    pub probability_lambert: f32,
 }
 
 impl Gathered {
@@ -438,6 +440,7 @@ impl<'a> Tracer<'a> {
             let glow = surface.emission * balance(from.pdf_solid_angle, pdf_light);
             gathered.lamps += clamped(glow);
         }
+        gathered.probability_lambert = surface.bsdf.probability_lambert();
         if !last {
             gathered.indirect = self.reflected(&surface, bounces, from.throughput, sampler);
         }

@@ -17,9 +17,9 @@ use crate::surface::Surface;
 /// rays find there is each pixel's own, and noisier than a light sample leaves it.
 const SMALL_SKY_SHARE: f32 = 0.01;
 
-/// Least probability of the Lambert part of a surface that shares. One gather ray serves all
-/// closures; where the Lambert part is chosen more rarely its samples are few and heavy, and the pixel
-/// is better off alone.
+/// Least probability of the Lambert part of a surface that shares, and of one whose light is shared.
+/// One gather ray serves all closures; where the Lambert part is chosen more rarely its samples are few
+/// and heavy, and the pixel is better off alone.
 const LEAST_LAMBERT: f32 = 0.25;
 
 /// The first pass of an iteration over a frame.
@@ -147,7 +147,12 @@ impl<'a> Pass<'a> {
     fn class_of(&self, gathered: &Gathered, direction: Vec3A) -> Class {
         let lights = &self.view.tracer.lights;
         if gathered.distance.is_finite() {
-            Class::Indirect
+            // What mirrors, glass and water throw (caustics) changes from pixel to pixel: borrowed it
+            // would blur, and its rare bright samples would become blots.
+            match gathered.probability_lambert < LEAST_LAMBERT {
+                true => Class::Own,
+                false => Class::Indirect,
+            }
         } else if lights.is_sun(direction) || lights.is_small_sky(direction) {
             Class::Own
         } else {
