@@ -118,9 +118,11 @@ def line_of(outcome: Outcome) -> str:
 
 def summary(outcomes: Sequence[Outcome]) -> str:
     counts = Counter(outcome.verdict for outcome in outcomes)
-    biased = sum(abs(o.bias) > judge.BIAS_MAX for o in outcomes)
-    parts = [f"{count} {verdict}" for verdict, count in counts.most_common()]
-    return f"{len(outcomes)} rows: {', '.join(parts)}; DUAL_CONE off by more than 0.3 %: {biased}"
+    line = f"{len(outcomes)} rows: "
+    line += ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
+    judged = [outcome for outcome in outcomes if outcome.dual_cone is not None]
+    biased = sum(abs(outcome.bias) > judge.BIAS_MAX for outcome in judged)
+    return f"{line}; DUAL_CONE off by more than 0.3 %: {biased} of {len(judged)}"
 
 
 def write_docs(outcomes: Sequence[Outcome]) -> None:
