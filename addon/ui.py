@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from typing import Any, cast
+from typing import Any
 
 import bpy
 from bl_operators.presets import AddPresetBase
@@ -46,19 +46,13 @@ class RenderPanel:
         """Show with DualCone as the engine, unless its compiled part is missing."""
         return context.engine in cls.COMPAT_ENGINES and core.problem() is None
 
-    def draw(self, context: bpy.types.Context) -> None:
-        """Rows with the label on the left, as everywhere in Blender."""
-        layout = cast(bpy.types.Panel, self).layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        scene = context.scene
-        self.draw_rows(layout, scene, scene.dualcone)
 
-    def draw_rows(
-        self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
-    ) -> None:
-        """Draw the settings; each panel has its own."""
-        raise NotImplementedError
+def labelled_rows(panel: bpy.types.Panel) -> bpy.types.UILayout:
+    """Return a panel's layout with the labels on the left, as everywhere in Blender."""
+    layout: Any = panel.layout
+    layout.use_property_split = True
+    layout.use_property_decorate = False
+    return layout
 
 
 class DUALCONE_PT_sampling_presets(PresetPanel, bpy.types.Panel):
@@ -127,10 +121,10 @@ class DUALCONE_PT_sampling(RenderPanel, bpy.types.Panel):
         """Draw the preset button."""
         DUALCONE_PT_sampling_presets.draw_panel_header(self.layout)
 
-    def draw_rows(
-        self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
-    ) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings."""
+        layout = labelled_rows(self)
+        settings = context.scene.dualcone
         layout.prop(settings, "samples")
         layout.prop(settings, "noise_threshold")
         layout.prop(settings, "time_limit")
@@ -148,10 +142,10 @@ class DUALCONE_PT_reuse(RenderPanel, bpy.types.Panel):
 
     bl_label = "Reuse"
 
-    def draw_rows(
-        self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
-    ) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings; those without effect on the chosen method are greyed out."""
+        layout = labelled_rows(self)
+        settings = context.scene.dualcone
         layout.prop(settings, "method")
         own = layout.column()
         own.active = settings.method == "PATH"
@@ -173,10 +167,10 @@ class DUALCONE_PT_light_paths(RenderPanel, bpy.types.Panel):
     bl_label = "Light Paths"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw_rows(
-        self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
-    ) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings."""
+        layout = labelled_rows(self)
+        settings = context.scene.dualcone
         column = layout.column(align=True)
         column.prop(settings, "max_bounces")
         column.prop(settings, "diffuse_bounces")
@@ -198,10 +192,10 @@ class DUALCONE_PT_film(RenderPanel, bpy.types.Panel):
     bl_label = "Film"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw_rows(
-        self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
-    ) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings."""
+        layout = labelled_rows(self)
+        scene, settings = context.scene, context.scene.dualcone
         layout.prop(scene.render, "film_transparent", text="Transparent")
         layout.prop(settings, "filter")
         width = layout.column()
@@ -215,10 +209,10 @@ class DUALCONE_PT_performance(RenderPanel, bpy.types.Panel):
     bl_label = "Performance"
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw_rows(
-        self, layout: bpy.types.UILayout, scene: bpy.types.Scene, settings: object
-    ) -> None:
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings."""
+        layout = labelled_rows(self)
+        scene = context.scene
         layout.prop(scene.render, "threads_mode")
         threads = layout.column()
         threads.enabled = scene.render.threads_mode == "FIXED"
@@ -233,9 +227,7 @@ class DUALCONE_PT_passes(RenderPanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw a switch for each pass: Blender's own, then DualCone's."""
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = labelled_rows(self)
         view_layer: Any = context.view_layer
         column = layout.column(heading="Include")
         for render_pass in passes.all_passes():

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import local_addon
+from pictures import save_png
 
 ROOT = Path(__file__).resolve().parent.parent
 COLUMNS = 3
@@ -73,10 +74,7 @@ def write_sheet(pictures: list[NDArray[np.float32]], path: Path) -> None:
         bottom = (rows - 1 - row) * (height + GAP)
         left = column * (width + GAP)
         sheet[bottom : bottom + height, left : left + width] = picture
-    image: Any = bpy.data.images.new(path.stem, size[1], size[0])
-    image.pixels.foreach_set(sheet.ravel())
-    image.filepath_raw, image.file_format = str(path), "PNG"
-    image.save()
+    save_png(sheet, path)
 
 
 def main() -> None:

@@ -11,21 +11,18 @@ from __future__ import annotations
 
 import argparse
 import html
-import os
-import struct
 import sys
 import time
-import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy  # first: it brings its own numpy settings and libraries
 import numpy as np
-from numpy.typing import NDArray
 
 import local_addon
+from dualcone.chart.cycles import silent
+from pictures import save_png
 
 local_addon.load()  # puts the root on the path
 from tests.parity import judge  # noqa: E402
@@ -46,7 +43,7 @@ def main() -> None:
     words = [word.lower() for word in arguments.only]
     rows = [r for r in ROWS if all(word in f"{r.group} {r.name}".lower() for word in words)]
     outcomes: list[Outcome] = []
-    with local_addon.registered(), blender_silenced():
+    with local_addon.registered(), silent():
         for row in rows:
             started = time.perf_counter()
             expected = reference(row, arguments.references)
@@ -80,19 +77,6 @@ def reference(row: Row, anew: bool) -> Reference:
         tell(f"Cycles: {row.group}: {row.name}")
         return Reference.load(row) or made
     return stored
-
-
-@contextmanager
-def blender_silenced() -> Iterator[None]:
-    """Keep what Blender prints about each render out of the table, which goes to stderr."""
-    kept = os.dup(1)
-    silence = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(silence, 1)
-        yield
-    finally:
-        sys.stdout.flush()
-        os.dup2(kept, 1)
 
 
 def tell(line: str) -> None:
@@ -153,46 +137,26 @@ img{{image-rendering:pixelated;height:128px}} .differs,.refused{{background:#fdd
 
 def html_row(outcome: Outcome) -> str:
     row = outcome.row
-    write_png(OUT / f"{row.key}.png", panels(outcome))
+    save_png(panels(outcome), OUT / f"{row.key}.png")
     texts = "<br>".join(html.escape(text) for text in [*cells(outcome), *outcome.warnings])
     kind = outcome.verdict.partition(",")[0]
     return f'<tr class="{kind}"><td>{texts}</td><td><img src="{row.key}.png"></td></tr>'
 
 
-def panels(outcome: Outcome) -> NDArray[np.uint8]:
-    """Set the pictures side by side, display-referred, highest row first."""
+def panels(outcome: Outcome) -> Picture:
+    """Set the pictures side by side, display-referred."""
     expected = outcome.reference.picture
     path = expected * 0.0 if outcome.path is None else np.mean(outcome.path, axis=0)
     shared = path if outcome.dual_cone is None else outcome.dual_cone
     difference = 0.5 + DIFFERENCE_GAIN * (display(path) - display(expected))
     shown = [display(expected), display(path), display(shared), difference]
-    return (np.clip(np.hstack(shown)[::-1], 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    return np.hstack(shown)
 
 
 def display(picture: Picture) -> Picture:
     """Return the colour channels as sRGB, without tone mapping."""
     linear = np.clip(picture[..., :3], 0.0, 1.0)
     return np.where(linear < 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-
-
-def write_png(path: Path, pixels: NDArray[np.uint8]) -> None:
-    """Write 8-bit RGB (W3C, Portable Network Graphics, second edition)."""
-    height, width, _ = pixels.shape
-    rows = np.concatenate([np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)], axis=1)
-
-    def chunk(kind: bytes, content: bytes) -> bytes:
-        return (
-            struct.pack(">I", len(content))
-            + kind
-            + content
-            + struct.pack(">I", zlib.crc32(kind + content))
-        )
-
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    data = (
-        chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows.tobytes())) + chunk(b"IEND", b"")
-    )
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + data)
 
 
 if __name__ == "__main__":

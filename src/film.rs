@@ -1,6 +1,7 @@
 //! What a frame's pixels add up to, and the passes made from it.
 
 use glam::{Vec2, Vec3A};
+use rayon::prelude::*;
 
 use crate::contract::{PASSES, Settings};
 use crate::error::{Error, Result};
@@ -281,13 +282,8 @@ impl Film {
     }
 
     /// The rows, from the lowest.
-    pub fn rows_mut(&mut self) -> std::slice::ChunksExactMut<'_, PixelSums> {
-        self.pixels.chunks_exact_mut(self.region.width)
-    }
-
-    /// All pixels, row by row from the lowest.
-    pub fn pixels_mut(&mut self) -> &mut [PixelSums] {
-        &mut self.pixels
+    pub fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [PixelSums]> {
+        self.pixels.par_chunks_exact_mut(self.region.width)
     }
 
     /// All pixels, from where they borrow, and how far that leads them.

@@ -15,7 +15,7 @@ use crate::math::Ray;
 use crate::sampling::{
     Bsdf, LightSample, LightSampler, LobePdfs, LobeValues, Part, Sampler, Strategy,
 };
-use crate::scene::{self, SceneFrame};
+use crate::scene::SceneFrame;
 use crate::shader::{RayInfo, RayKind};
 use crate::surface::{self, Surface};
 
@@ -75,15 +75,20 @@ impl Bounces {
         }
     }
 
+    /// What the ray that follows is.
+    pub fn kind(&self) -> RayKind {
+        match self.last {
+            None => RayKind::Camera,
+            Some(Part::Diffuse) => RayKind::Diffuse,
+            Some(Part::Glossy) => RayKind::Glossy,
+            Some(Part::Transmission) => RayKind::Transmission,
+        }
+    }
+
     /// What the Light Path node tells of the ray that follows.
     fn ray_info(&self) -> RayInfo {
         RayInfo {
-            kind: match self.last {
-                None => RayKind::Camera,
-                Some(Part::Diffuse) => RayKind::Diffuse,
-                Some(Part::Glossy | Part::Transmission) => RayKind::Glossy,
-            },
-            is_transmission: self.last == Some(Part::Transmission),
+            kind: self.kind(),
             depth: self.total,
             diffuse_depth: self.diffuse,
             glossy_depth: self.glossy,
@@ -98,11 +103,6 @@ impl Bounces {
         self.total.saturating_sub(1)
     }
 
-    /// The ray that follows, as Ray Visibility counts it.
-    pub fn sight(&self) -> scene::RayKind {
-        sight(&self.ray_info())
-    }
-
     /// Whether the ray that follows only looks for lights. As in Cycles, a limit of zero leaves
     /// direct light: the ray that follows the first event still sees what shines.
     pub fn at_limit(&self, settings: &Settings) -> bool {
@@ -110,17 +110,6 @@ impl Bounces {
             || self.diffuse > settings.diffuse_bounces
             || self.glossy > settings.glossy_bounces
             || self.transmission > settings.transmission_bounces
-    }
-}
-
-/// A ray as Ray Visibility counts it.
-fn sight(info: &RayInfo) -> scene::RayKind {
-    match info.kind {
-        RayKind::Shadow => scene::RayKind::Shadow,
-        _ if info.is_transmission => scene::RayKind::Transmission,
-        RayKind::Camera => scene::RayKind::Camera,
-        RayKind::Diffuse => scene::RayKind::Diffuse,
-        RayKind::Glossy => scene::RayKind::Glossy,
     }
 }
 
@@ -319,7 +308,7 @@ impl<'a> Tracer<'a> {
     /// Whether a ray meets what lies on it, or does not even see it.
     fn is_seen(&self, hit: &Hit, info: &RayInfo) -> bool {
         let instance = &self.frame.instances[hit.instance as usize];
-        instance.visibility.includes(sight(info))
+        instance.visibility.includes(info.kind)
     }
 
     /// Transparency by chance: a surface of opacity a stops a ray with probability a.
@@ -342,13 +331,7 @@ impl<'a> Tracer<'a> {
             &from,
             strategy_at(from.total),
             sampler,
-            |bsdf, pdfs| {
-                let pdf = bsdf.pdf(pdfs);
-                LobePdfs {
-                    lambert: pdf,
-                    own: pdf,
-                }
-            },
+            Bsdf::mixed,
         );
         let direct = match from.total {
             0 => direct.sum(),
@@ -467,7 +450,7 @@ impl<'a> Tracer<'a> {
 
     fn environment(&self, from: &Continuation) -> Vec3A {
         let direction = from.ray.direction;
-        let (kind, vertex) = (from.bounces.sight(), from.bounces.lit_vertex());
+        let (kind, vertex) = (from.bounces.kind(), from.bounces.lit_vertex());
         let radiance = self.lights.environment_radiance(direction, kind, vertex);
         if radiance == Vec3A::ZERO {
             return radiance;
@@ -484,7 +467,7 @@ impl<'a> Tracer<'a> {
             t_max: distance,
             ..from.ray
         };
-        let (kind, vertex) = (from.bounces.sight(), from.bounces.lit_vertex());
+        let (kind, vertex) = (from.bounces.kind(), from.bounces.lit_vertex());
         let lamps = self
             .lights
             .lamps_along(&ray, from.normal, from.strategy, kind, vertex);
@@ -563,7 +546,7 @@ impl<'a> Tracer<'a> {
         from: &Bounces,
         sampler: &Sampler,
     ) -> bool {
-        if !light.reach.visibility.includes(scene::RayKind::Shadow) {
+        if !light.reach.visibility.includes(RayKind::Shadow) {
             return false;
         }
         let mut ray = surface.ray_towards(light.direction);
@@ -579,10 +562,10 @@ fn found_by(light: &LightSample, values: LobeValues, vertex: u32) -> LobeValues 
         false => Vec3A::ZERO,
     };
     LobeValues {
-        lambert: part(values.lambert, scene::RayKind::Diffuse),
-        diffuse: part(values.diffuse, scene::RayKind::Diffuse),
-        glossy: part(values.glossy, scene::RayKind::Glossy),
-        transmission: part(values.transmission, scene::RayKind::Transmission),
+        lambert: part(values.lambert, RayKind::Diffuse),
+        diffuse: part(values.diffuse, RayKind::Diffuse),
+        glossy: part(values.glossy, RayKind::Glossy),
+        transmission: part(values.transmission, RayKind::Transmission),
     }
 }
 

@@ -8,7 +8,7 @@ use crate::accel::Hit;
 use crate::math::{Ray, offset_origin};
 use crate::sampling::{Bsdf, Principled};
 use crate::scene::{Facet, Material, SceneFrame};
-use crate::shader::{self, Closure, Point, RayInfo};
+use crate::shader::{self, Closure, Glossy, Point, RayInfo};
 
 /// A point on a surface, seen along a ray.
 pub struct Surface {
@@ -130,33 +130,15 @@ fn add_closure(bsdf: &mut Bsdf, closure: &Closure, scale: f32, point: &Point) ->
             roughness,
             normal,
         } => bsdf.add_diffuse(scaled(weight), color, bent(normal), roughness),
-        Closure::Glossy(glossy) => {
-            let normal = bent(glossy.normal);
-            let tangent = tangent_at(point, glossy.tangent);
-            let turn = Quat::from_axis_angle(normal.into(), TAU * glossy.rotation);
-            let grain = (glossy.anisotropy, turn * tangent);
-            let (weight, multiscatter) = (scaled(glossy.weight), glossy.is_multiscatter);
-            bsdf.add_glossy(
-                weight,
-                glossy.color,
-                normal,
-                glossy.roughness,
-                grain,
-                multiscatter,
-            );
-        }
-        Closure::Glass(glass) => {
-            let (weight, normal) = (scaled(glass.weight), bent(glass.normal));
-            let multiscatter = glass.is_multiscatter;
-            bsdf.add_glass(
-                weight,
-                glass.color,
-                normal,
-                glass.roughness,
-                glass.ior,
-                multiscatter,
-            );
-        }
+        Closure::Glossy(glossy) => add_glossy(bsdf, &glossy, scaled(glossy.weight), point),
+        Closure::Glass(glass) => bsdf.add_glass(
+            scaled(glass.weight),
+            glass.color,
+            bent(glass.normal),
+            glass.roughness,
+            glass.ior,
+            glass.is_multiscatter,
+        ),
         Closure::Refraction(glass) => {
             let weight = scaled(glass.weight) * glass.color.max(Vec3A::ZERO);
             bsdf.add_refraction(weight, bent(glass.normal), glass.roughness, glass.ior);
@@ -182,6 +164,20 @@ fn add_closure(bsdf: &mut Bsdf, closure: &Closure, scale: f32, point: &Point) ->
         Closure::Transparent(_) => {}
     }
     Vec3A::ZERO
+}
+
+fn add_glossy(bsdf: &mut Bsdf, glossy: &Glossy, weight: Vec3A, point: &Point) {
+    let normal = normal_at(point, glossy.normal);
+    let turn = Quat::from_axis_angle(normal.into(), TAU * glossy.rotation);
+    let grain = (glossy.anisotropy, turn * tangent_at(point, glossy.tangent));
+    bsdf.add_glossy(
+        weight,
+        glossy.color,
+        normal,
+        glossy.roughness,
+        grain,
+        glossy.is_multiscatter,
+    );
 }
 
 /// What the node's inputs mean here. Emission is a closure of its own, which sheen and coat do not

@@ -14,7 +14,7 @@ use super::{Estimator, View};
 use crate::contract::Settings;
 use crate::error::Result;
 use crate::film::{Film, Region};
-use crate::path::{Bounces, take_rays};
+use crate::path::Bounces;
 
 /// Standard deviation of the spatial weight over half the side of the block.
 const SPATIAL_SIGMA: f32 = 0.5;
@@ -105,11 +105,10 @@ impl Estimator for Bilateral {
         film: Option<&mut Film>,
     ) -> Result<()> {
         let Some(film) = film else { return Ok(()) };
-        let width = view.region.width;
-        let rows = film.pixels_mut().par_chunks_mut(width);
-        let rows = rows.zip(memory.par_chunks_mut(width));
-        rows.enumerate().try_for_each(|(y, (sums, pixels))| {
-            view.check_cancelled()?;
+        let rows = film
+            .rows_mut()
+            .zip(memory.par_chunks_mut(view.region.width));
+        view.for_rows(rows, |y, (sums, pixels)| {
             for (x, (sum, pixel)) in sums.iter_mut().zip(pixels).enumerate() {
                 let shot = view.shoot(x, y, iteration);
                 sum.add_sighting(iteration, &shot.seen);
@@ -117,8 +116,6 @@ impl Estimator for Bilateral {
                 sum.add_radiance(shot.radiance);
                 *pixel = pixel_of(view, &shot);
             }
-            view.progress.count_rays(take_rays());
-            Ok(())
         })
     }
 
@@ -133,16 +130,13 @@ impl Estimator for Bilateral {
     ) -> Result<()> {
         let (view, pixels) = (&views[target], &memories[target]);
         let width = view.region.width;
-        let rows = film.pixels_mut().par_chunks_mut(width);
-        rows.enumerate().try_for_each(|(y, row)| {
-            view.check_cancelled()?;
+        view.for_rows(film.rows_mut(), |y, row| {
             for (x, sum) in row.iter_mut().enumerate() {
                 let pixel = &pixels[y * width + x];
                 if pixel.depth > 0.0 {
                     sum.add_radiance(pixel.albedo * self.filtered(pixels, width, x, y));
                 }
             }
-            Ok(())
         })
     }
 }

@@ -65,11 +65,9 @@ impl Estimator for IrradianceCache {
         film: Option<&mut Film>,
     ) -> Result<()> {
         let Some(film) = film else { return Ok(()) };
-        let width = view.region.width;
-        let rows = film.pixels_mut().par_chunks_mut(width);
-        let rows = rows.zip(memory.surfaces.par_chunks_mut(width));
-        rows.enumerate().try_for_each(|(y, (sums, surfaces))| {
-            view.check_cancelled()?;
+        let surfaces = memory.surfaces.par_chunks_mut(view.region.width);
+        let rows = film.rows_mut().zip(surfaces);
+        view.for_rows(rows, |y, (sums, surfaces)| {
             for (x, (sum, place)) in sums.iter_mut().zip(surfaces).enumerate() {
                 let shot = view.shoot(x, y, iteration);
                 sum.add_sighting(iteration, &shot.seen);
@@ -77,8 +75,6 @@ impl Estimator for IrradianceCache {
                 sum.add_radiance(shot.radiance + own_light(view, &shot));
                 *place = shot.surface;
             }
-            view.progress.count_rays(take_rays());
-            Ok(())
         })?;
         fill(view, iteration, memory)
     }
@@ -93,18 +89,15 @@ impl Estimator for IrradianceCache {
         film: &mut Film,
     ) -> Result<()> {
         let (view, memory) = (&views[target], &memories[target]);
-        let width = view.region.width;
-        let rows = film.pixels_mut().par_chunks_mut(width);
-        let rows = rows.zip(memory.surfaces.par_chunks(width));
-        rows.try_for_each(|(sums, surfaces)| {
-            view.check_cancelled()?;
+        let surfaces = memory.surfaces.par_chunks(view.region.width);
+        let rows = film.rows_mut().zip(surfaces);
+        view.for_rows(rows, |_, (sums, surfaces)| {
             for (sum, surface) in sums.iter_mut().zip(surfaces) {
                 let lit = surface
                     .as_ref()
                     .and_then(|s| Some(s.bsdf.albedo_lambert() * memory.cache.at(&place(s))?));
                 sum.add_radiance(lit.unwrap_or(Vec3A::ZERO));
             }
-            Ok(())
         })
     }
 }

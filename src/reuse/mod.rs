@@ -14,15 +14,17 @@ mod plain;
 pub use light_tree::LightTree;
 
 use glam::{Vec2, Vec3A};
+use rayon::prelude::*;
 
 use crate::contract::{Method, Settings};
 use crate::error::{Error, Result};
-use crate::film::{Film, Region, Sighting};
+use crate::film::{Film, PixelSums, Region, Sighting};
 use crate::math::{PixelFilter, Ray};
-use crate::path::{Bounces, Tracer};
+use crate::path::{Bounces, Tracer, take_rays};
 use crate::progress::Progress;
 use crate::sampling::{Sampler, Strategy};
-use crate::scene::{FrameWindow, RayKind};
+use crate::scene::FrameWindow;
+use crate::shader::RayKind;
 use crate::surface::Surface;
 
 /// One frame, ready to trace.
@@ -84,6 +86,23 @@ impl View<'_> {
             return Err(Error::Cancelled);
         }
         Ok(())
+    }
+
+    /// Works through the rows of a frame, from the lowest, on all threads; counts the rays.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] once the user wants to stop.
+    pub fn for_rows<R: Send>(
+        &self,
+        rows: impl IndexedParallelIterator<Item = R>,
+        work: impl Fn(usize, R) + Sync,
+    ) -> Result<()> {
+        rows.enumerate().try_for_each(|(y, row)| {
+            self.check_cancelled()?;
+            work(y, row);
+            self.progress.count_rays(take_rays());
+            Ok(())
+        })
     }
 
     /// The random numbers of an iteration of pixel (`x`, `y`) of the region.
@@ -158,6 +177,18 @@ impl View<'_> {
             depth: Some(self.tracer.frame.camera.depth(surface.position)),
         }
     }
+}
+
+/// The rows of the film of a frame, or none for each row of a frame that has no film.
+fn film_rows(
+    film: Option<&mut Film>,
+    region: Region,
+) -> impl IndexedParallelIterator<Item = Option<&mut [PixelSums]>> {
+    let rows: Vec<_> = match film {
+        Some(film) => film.rows_mut().map(Some).collect(),
+        None => (0..region.height).map(|_| None).collect(),
+    };
+    rows.into_par_iter()
 }
 
 /// A way to render.

@@ -36,15 +36,15 @@
 use glam::Vec3A;
 use rayon::prelude::*;
 
-use super::{Estimator, View};
+use super::{Estimator, View, film_rows};
 use crate::contract::{Recheck, Settings};
 use crate::error::Result;
-use crate::film::{Film, PixelSums, Region};
+use crate::film::{Film, Region};
 use crate::math::Ray;
 use crate::math::cone::overlap_fast;
-use crate::path::{Bounces, Continuation, take_rays};
+use crate::path::{Bounces, Continuation};
 use crate::record::{RecordBuffer, Row, RowMut};
-use crate::sampling::{Bsdf, LobePdfs, Sampler, Strategy};
+use crate::sampling::{Bsdf, Sampler, Strategy};
 use crate::surface::Surface;
 
 /// Smallest cosine between the normals of pixels that share samples (section 4.1).
@@ -124,13 +124,8 @@ impl Estimator for Paper {
         film: Option<&mut Film>,
     ) -> Result<()> {
         let width = view.region.width;
-        let mut film_rows: Vec<Option<&mut [PixelSums]>> = match film {
-            Some(film) => film.rows_mut().map(Some).collect(),
-            None => (0..view.region.height).map(|_| None).collect(),
-        };
-        let rows = film_rows.par_iter_mut().zip(memory.rows_mut()).enumerate();
-        rows.try_for_each(|(y, (film, mut records))| {
-            view.check_cancelled()?;
+        let rows = film_rows(film, view.region).zip(memory.rows_mut());
+        view.for_rows(rows, |y, (mut film, mut records)| {
             for x in 0..width {
                 let shot = view.shoot(x, y, iteration);
                 let Some(surface) = &shot.surface else {
@@ -143,8 +138,6 @@ impl Estimator for Paper {
                 }
                 self.write(&mut records, x, surface, &gathered);
             }
-            view.progress.count_rays(take_rays());
-            Ok(())
         })
     }
 
@@ -160,9 +153,7 @@ impl Estimator for Paper {
     ) -> Result<()> {
         let view = &views[target];
         let lenders: Vec<&RecordBuffer> = lenders.iter().map(|&index| &memories[index]).collect();
-        let rows = film.pixels_mut().par_chunks_mut(view.region.width);
-        rows.enumerate().try_for_each(|(y, pixels)| {
-            view.check_cancelled()?;
+        view.for_rows(film.rows_mut(), |y, pixels| {
             for (x, pixel) in pixels.iter_mut().enumerate() {
                 let shot = view.shoot(x, y, iteration | SECOND_PASS);
                 pixel.add_sighting(iteration, &shot.seen);
@@ -176,8 +167,6 @@ impl Estimator for Paper {
                     pixel.add_effective_samples(sums.effective_samples());
                 }
             }
-            view.progress.count_rays(take_rays());
-            Ok(())
         })
     }
 }
@@ -254,7 +243,7 @@ fn gather(view: &View, surface: &Surface, sampler: &Sampler) -> Gather {
     let gathered = view.tracer.gather(&from, sampler);
     let leaf = view.light_tree.leaf(direction);
     let world = &view.tracer.frame.world;
-    let open = match world.reach.includes(from.bounces.sight(), 0) {
+    let open = match world.reach.includes(from.bounces.kind(), 0) {
         true => weight * leaf.radiance,
         false => Vec3A::ZERO,
     };
@@ -282,22 +271,9 @@ fn gather(view: &View, surface: &Surface, sampler: &Sampler) -> Gather {
 /// Light of lamps and suns by light sampling; gather rays find the sky.
 fn small_lights(view: &View, surface: &Surface, sampler: &Sampler) -> Vec3A {
     let tracer = &view.tracer;
-    let pdfs = |bsdf: &Bsdf, pdfs| {
-        let pdf = bsdf.pdf(pdfs);
-        LobePdfs {
-            lambert: pdf,
-            own: pdf,
-        }
-    };
-    tracer
-        .direct(
-            surface,
-            &Bounces::default(),
-            Strategy::WithoutSky,
-            sampler,
-            pdfs,
-        )
-        .sum()
+    let (from, strategy) = (Bounces::default(), Strategy::WithoutSky);
+    let direct = tracer.direct(surface, &from, strategy, sampler, Bsdf::mixed);
+    direct.sum()
 }
 
 /// r = R tan(beta); a light of a hemisphere or more covers every shift, however near.

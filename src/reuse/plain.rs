@@ -5,13 +5,12 @@
 //! Transport and Image Synthesis", 1990, call it splitting).
 
 use glam::Vec3A;
-use rayon::prelude::*;
 
 use super::{Estimator, View};
 use crate::contract::Settings;
 use crate::error::Result;
 use crate::film::{Film, PixelSums, Region};
-use crate::path::{Bounces, take_rays};
+use crate::path::Bounces;
 
 /// Plain path tracing.
 pub struct Plain {
@@ -44,14 +43,10 @@ impl Estimator for Plain {
         film: Option<&mut Film>,
     ) -> Result<()> {
         let Some(film) = film else { return Ok(()) };
-        let rows = film.pixels_mut().par_chunks_mut(view.region.width);
-        rows.enumerate().try_for_each(|(y, row)| {
-            view.check_cancelled()?;
+        view.for_rows(film.rows_mut(), |y, row| {
             for (x, pixel) in row.iter_mut().enumerate() {
                 self.sample_pixel(view, x, y, iteration, pixel);
             }
-            view.progress.count_rays(take_rays());
-            Ok(())
         })
     }
 

@@ -10,8 +10,8 @@ use crate::scene::{
     Camera, Lens, Light, LightKind, Panorama, Projection, Reach, SceneFrame, Visibility,
 };
 use crate::testing::{
-    Scene, Shoot, any_camera, camera, cube, diffuse, glass, glossy, glowing, mean_radiance, paper,
-    plain_world, sphere, square,
+    MAX_SCORE, SEEDS, Scene, Shoot, any_camera, camera, cube, diffuse, glass, glossy, glowing,
+    mean_radiance, paper, plain_world, sphere, square,
 };
 
 const METHODS: [Method; 5] = [
@@ -21,11 +21,6 @@ const METHODS: [Method; 5] = [
     Method::Bilateral,
     Method::IrradianceCache,
 ];
-
-/// Standard scores beyond which a mean counts as wrong: with Student's distribution of 15 degrees
-/// of freedom (16 seeds) that happens to a right one once in 1700 times, two-sided. Seeds are fixed.
-const MAX_SCORE: f64 = 4.35;
-const SEEDS: u32 = 16;
 
 fn settings(method: Method) -> Settings {
     Settings {
@@ -423,6 +418,38 @@ fn the_error_of_sharing_goes_on_falling() {
     // To stop by what was seen must not prefer dark or bright samples.
     let energy = mean_radiance(&picture(Method::DualCone, 512, 0)) / mean_radiance(&truth);
     assert!((energy - 1.0).abs() < 0.01, "{energy}");
+}
+
+/// A mirror beside a floor throws the only light that gather rays find there. What is borrowed would
+/// depend on the block.
+#[test]
+fn what_a_mirror_throws_stays_with_the_pixel_that_found_it() {
+    let mut scene = Scene::new();
+    scene.world = plain_world(0.0);
+    scene.camera = camera(Vec3::new(0.0, -4.0, 2.0), Vec3::ZERO, 0.7);
+    let floor = Affine3A::from_scale(Vec3::splat(3.0));
+    scene.add(square(), floor, diffuse(0.6));
+    let beside = Affine3A::from_translation(Vec3::new(0.8, 0.5, 0.7));
+    let mirror = beside * Affine3A::from_scale(Vec3::splat(0.6));
+    scene.add(cube(), mirror, glossy(0.9, 0.3));
+    scene.lights.push(Light {
+        kind: LightKind::Sun { angle: 0.3 },
+        key: 1,
+        world_from_light: Affine3A::from_rotation_x(0.8),
+        power: Vec3A::splat(2.0),
+        reach: Reach::ALL,
+    });
+    let frames: Vec<_> = (0..=2).map(|number| scene.frame(number)).collect();
+    let picture = |block, max_bounces| {
+        let settings = Settings {
+            block,
+            max_bounces,
+            ..settings(Method::DualCone)
+        };
+        shoot(&frames, settings).pictures(&[1]).concat()
+    };
+    assert_eq!(picture(3, 4), picture(9, 4));
+    assert_ne!(picture(3, 4), picture(3, 0), "the mirror throws nothing");
 }
 
 #[test]

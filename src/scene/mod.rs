@@ -18,6 +18,6 @@ pub use frame::{Instance, SceneFrame, interpolate};
 pub use light::{Light, LightKind};
 pub use material::Material;
 pub use mesh::Mesh;
-pub use visibility::{RayKind, Reach, Visibility};
+pub use visibility::{Reach, Visibility};
 pub use window::{FrameWindow, Motion};
 pub use world::World;

@@ -1,20 +1,6 @@
 //! Which rays see a thing: Blender's Ray Visibility.
 
-/// A ray, named after where it starts: at the camera, by which scattering, or for a test whether
-/// light arrives.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum RayKind {
-    /// From the camera, through whatever is transparent.
-    Camera,
-    /// Reflected by a diffuse closure.
-    Diffuse,
-    /// Reflected by a glossy closure.
-    Glossy,
-    /// Passed on by any closure to the other side.
-    Transmission,
-    /// Between a surface and a light.
-    Shadow,
-}
+use crate::shader::RayKind;
 
 /// A set of kinds of rays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

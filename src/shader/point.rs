@@ -39,18 +39,21 @@ pub trait View {
     fn project(&self, point: Vec3A) -> Option<Vec2>;
 }
 
-/// What a ray was scattered by last.
+/// A ray, named after where it starts: at the camera, by which scattering, or for a test whether
+/// light arrives. In the order of the contract's bits of Ray Visibility.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum RayKind {
-    /// It comes from the camera.
+    /// From the camera, through whatever is transparent.
     #[default]
     Camera,
-    /// It looks for a light.
-    Shadow,
-    /// A diffuse surface.
+    /// Reflected by a diffuse closure.
     Diffuse,
-    /// A glossy surface.
+    /// Reflected by a glossy closure.
     Glossy,
+    /// Passed on by any closure to the other side.
+    Transmission,
+    /// Between a surface and a light.
+    Shadow,
 }
 
 /// What the Light Path node tells of the ray that arrives.
@@ -58,8 +61,6 @@ pub enum RayKind {
 pub struct RayInfo {
     /// What it comes from.
     pub kind: RayKind,
-    /// Whether it went through the last surface.
-    pub is_transmission: bool,
     /// Whether the last surface was a perfect mirror or pane.
     pub is_singular: bool,
     /// Scattering events so far, and how many were of each kind.
@@ -77,7 +78,12 @@ pub struct RayInfo {
 impl RayInfo {
     /// Whether it was scattered to the side that it came from.
     pub fn is_reflection(&self) -> bool {
-        matches!(self.kind, RayKind::Diffuse | RayKind::Glossy) && !self.is_transmission
+        matches!(self.kind, RayKind::Diffuse | RayKind::Glossy)
+    }
+
+    /// Whether a glossy closure scattered it to either side: whatever comes through counts as such.
+    pub fn is_glossy(&self) -> bool {
+        matches!(self.kind, RayKind::Glossy | RayKind::Transmission)
     }
 }
 
@@ -192,7 +198,6 @@ impl Point<'static> {
         };
         const RAY: RayInfo = RayInfo {
             kind: RayKind::Camera,
-            is_transmission: false,
             is_singular: false,
             depth: 0,
             diffuse_depth: 0,

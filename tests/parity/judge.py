@@ -18,6 +18,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from dualcone.chart.cycles import without_bias
+
 from .rows import Row
 from .stage import Stage
 
@@ -197,14 +199,8 @@ def prepared(row: Row) -> Any:
 
 
 def cycles(scene: Any, samples: int, seed: int) -> Picture:
-    """Render with Cycles, without anything that trades bias for noise."""
-    settings = scene.cycles
-    scene.render.engine, settings.device = "CYCLES", "CPU"
-    settings.samples, settings.seed = samples, seed
-    settings.use_adaptive_sampling = settings.use_denoising = False
-    settings.sample_clamp_direct = settings.sample_clamp_indirect = settings.blur_glossy = 0.0
-    settings.light_sampling_threshold = 0.0
-    settings.caustics_reflective = settings.caustics_refractive = True
+    """Render with Cycles."""
+    without_bias(scene, samples, seed)
     return render(scene)
 
 

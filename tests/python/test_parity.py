@@ -13,6 +13,8 @@ from addon.engine import passes
 from numpy.typing import NDArray
 from shots import read, write_single_layer
 
+from dualcone.chart.cycles import without_bias
+
 SAMPLES = Path(__file__).resolve().parents[2] / "blend_samples"
 COLUMNS, ROWS = 64, 48
 SPP = 64
@@ -94,15 +96,9 @@ def shot(request: pytest.FixtureRequest, scene: Any) -> Any:
 
 
 def cycles(scene: Any, samples: int, seed: int, folder: Path) -> Picture:
-    """Render with Cycles, without anything that trades bias for noise."""
-    settings = scene.cycles
-    scene.render.engine, settings.device = "CYCLES", "CPU"
-    settings.samples, settings.seed = samples, seed
-    settings.use_adaptive_sampling = settings.use_denoising = False
-    settings.sample_clamp_direct = settings.sample_clamp_indirect = settings.blur_glossy = 0.0
-    settings.light_sampling_threshold = 0.0
-    settings.caustics_reflective = True
-    settings.pixel_filter_type, settings.filter_width = "BLACKMAN_HARRIS", 1.5
+    """Render with Cycles."""
+    without_bias(scene, samples, seed)
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", 1.5
     write_single_layer(scene)
     scene.render.filepath = str(folder / f"cycles{seed}.exr")
     bpy.ops.render.render(write_still=True)

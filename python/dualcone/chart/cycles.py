@@ -93,17 +93,24 @@ def silent() -> Iterator[None]:
         os.close(kept)
 
 
+def without_bias(scene: Any, samples: int, seed: int) -> None:
+    """Choose Cycles, without anything that trades bias for noise."""
+    settings = scene.cycles
+    scene.render.engine, settings.device = "CYCLES", "CPU"
+    settings.samples, settings.seed = samples, seed
+    settings.use_adaptive_sampling = settings.use_denoising = False
+    settings.sample_clamp_direct = settings.sample_clamp_indirect = settings.blur_glossy = 0.0
+    settings.light_sampling_threshold = 0.0
+    settings.caustics_reflective = settings.caustics_refractive = True
+
+
 def prepare(scene: Any, samples: int, seed: int, *, is_denoised: bool) -> None:
-    """Set up Cycles without what trades bias for noise, denoising apart."""
+    """Set up Cycles for a fair race."""
     render, settings = scene.render, scene.cycles
-    render.engine, settings.device = "CYCLES", "CPU"
+    without_bias(scene, samples, seed)
     render.threads_mode, render.threads = "FIXED", os.cpu_count() or 1
     render.use_persistent_data = True
     render.use_compositing = render.use_sequencer = False
-    settings.samples, settings.seed = samples, seed
-    settings.use_adaptive_sampling = False
-    settings.sample_clamp_direct = settings.sample_clamp_indirect = settings.blur_glossy = 0.0
-    settings.light_sampling_threshold = 0.0
     settings.pixel_filter_type, settings.filter_width = "BLACKMAN_HARRIS", 1.5
     settings.use_denoising = is_denoised
     if is_denoised:

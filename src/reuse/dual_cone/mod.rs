@@ -30,12 +30,12 @@ use self::borrow::{Borrow, Notes, Receiver, kernel_floor};
 use self::records::{Class, LENT_CLASSES, Records};
 use self::sample::Pass;
 use self::veto::{Costs, PILOT_ITERATIONS};
-use super::{Estimator, View};
+use super::{Estimator, View, film_rows};
 use crate::contract::Settings;
 use crate::error::Result;
-use crate::film::{Film, Lending, Pilot, PixelSums, Region};
+use crate::film::{Film, Lending, Pilot, Region};
 use crate::kernel::vector::{to_upper_half, upper_half};
-use crate::path::{Bounces, take_rays};
+use crate::path::Bounces;
 use crate::sampling::Part;
 use crate::scene::Motion;
 
@@ -44,6 +44,7 @@ use crate::scene::Motion;
 const REACH_ITERATIONS: u32 = 4;
 /// Half the side of the block of pixels over which R is pooled.
 const REACH_HALF: usize = 2;
+
 /// Method DUAL_CONE.
 pub struct DualCone {
     half_block: usize,
@@ -112,34 +113,25 @@ impl Estimator for DualCone {
     ) -> Result<()> {
         let pass = Pass::new(view, iteration);
         let width = view.region.width;
-        let mut film_rows: Vec<Option<&mut [PixelSums]>> = match film {
-            Some(film) => film.rows_mut().map(Some).collect(),
-            None => (0..view.region.height).map(|_| None).collect(),
-        };
         let receivers = memory.receivers.par_chunks_mut(width);
         let reach = memory.reach.par_chunks_mut(width);
-        let rows = film_rows
-            .par_iter_mut()
+        let rows = film_rows(film, view.region)
             .zip(memory.records.rows_mut())
             .zip(receivers)
             .zip(reach);
-        rows.enumerate()
-            .try_for_each(|(y, (((film, mut records), receivers), reach))| {
-                view.check_cancelled()?;
-                for x in 0..width {
-                    let mut pixel = film.as_deref_mut().map(|row| &mut row[x]);
-                    let sample = pass.sample_pixel(x, y, &mut pixel);
-                    sample.record.write(&mut records, x);
-                    receivers[x] = sample.receiver;
-                    if iteration < REACH_ITERATIONS
-                        && let Some(distance) = sample.distance
-                    {
-                        reach[x].add(distance);
-                    }
+        view.for_rows(rows, |y, (((mut film, mut records), receivers), reach)| {
+            for x in 0..width {
+                let mut pixel = film.as_deref_mut().map(|row| &mut row[x]);
+                let sample = pass.sample_pixel(x, y, &mut pixel);
+                sample.record.write(&mut records, x);
+                receivers[x] = sample.receiver;
+                if iteration < REACH_ITERATIONS
+                    && let Some(distance) = sample.distance
+                {
+                    reach[x].add(distance);
                 }
-                view.progress.count_rays(take_rays());
-                Ok(())
-            })?;
+            }
+        })?;
         if iteration < REACH_ITERATIONS {
             pool_distances(view, memory);
         }
@@ -207,16 +199,12 @@ impl DualCone {
 /// Every pixel borrows; returns what each has then, and what it would have otherwise.
 fn share_all_ways(borrow: &Borrow, film: &mut Film) -> Result<Vec<Pilot>> {
     let view = &borrow.views[borrow.target];
-    let mut pilot = vec![Pilot::default(); film.pixels_mut().len()];
-    let rows = film.pixels_mut().par_chunks_mut(view.region.width);
-    let notes = pilot.par_chunks_mut(view.region.width);
-    rows.zip(notes)
-        .enumerate()
-        .try_for_each(|(y, (pixels, pilot))| {
-            view.check_cancelled()?;
-            borrow.add_row(y, pixels, Notes::Pilot(pilot));
-            Ok(())
-        })?;
+    let Region { width, height, .. } = view.region;
+    let mut pilot = vec![Pilot::default(); width * height];
+    let rows = film.rows_mut().zip(pilot.par_chunks_mut(width));
+    view.for_rows(rows, |y, (pixels, pilot)| {
+        borrow.add_row(y, pixels, Notes::Pilot(pilot));
+    })?;
     Ok(pilot)
 }
 
@@ -228,14 +216,12 @@ fn share_as_chosen(borrow: &Borrow, film: &mut Film) -> Result<()> {
     let rows = pixels.par_chunks_mut(width);
     let choices = lending.par_chunks(width);
     let sums = drift.sums.par_chunks_mut(width);
-    rows.zip(choices)
-        .zip(sums)
-        .enumerate()
-        .try_for_each(|(y, ((pixels, choice), drift))| {
-            view.check_cancelled()?;
+    view.for_rows(
+        rows.zip(choices).zip(sums),
+        |y, ((pixels, choice), drift)| {
             borrow.add_row(y, pixels, Notes::Choice(choice, drift));
-            Ok(())
-        })
+        },
+    )
 }
 
 /// Whether gather rays bring light that surfaces reflect.

@@ -10,7 +10,7 @@ use super::records::{Class, Record};
 use crate::film::PixelSums;
 use crate::path::{Bounces, Continuation, Gathered};
 use crate::reuse::{Shot, View};
-use crate::sampling::{LobePdfs, Strategy};
+use crate::sampling::{Bsdf, Strategy};
 use crate::surface::Surface;
 
 /// Share of the sky's light in its small parts from which on they get a light sample. What gather
@@ -95,13 +95,7 @@ impl<'a> Pass<'a> {
             &Bounces::default(),
             self.strategy,
             sampler,
-            |bsdf, pdfs| {
-                let pdf = bsdf.pdf(pdfs);
-                LobePdfs {
-                    lambert: pdf,
-                    own: pdf,
-                }
-            },
+            Bsdf::mixed,
         );
         direct.sum()
     }

@@ -11,14 +11,9 @@ use crate::math::warp::sample_sphere;
 use crate::reuse::lenders;
 use crate::scene::{Light, LightKind, Reach, SceneFrame, Visibility, World};
 use crate::testing::{
-    Estimate, Scene, Shoot, camera, cube, diffuse, glossy, glowing, image_world, mean_radiance,
-    plain_world, sphere, square,
+    Estimate, MAX_SCORE, SEEDS, Scene, Shoot, camera, cube, diffuse, glossy, glowing, image_world,
+    mean_radiance, plain_world, sphere, square,
 };
-
-/// Standard scores beyond which a mean counts as wrong: with Student's distribution of 15 degrees
-/// of freedom (16 seeds) that happens to a right one once in 1700 times, two-sided. Seeds are fixed.
-const MAX_SCORE: f64 = 4.35;
-const SEEDS: u32 = 16;
 
 fn settings(method: Method) -> Settings {
     Settings {

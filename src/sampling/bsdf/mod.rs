@@ -493,6 +493,15 @@ impl Bsdf {
         lambert * pdfs.lambert + (1.0 - lambert) * pdfs.own
     }
 
+    /// The densities that light samples meet where one sample of the mixture serves every part.
+    pub fn mixed(&self, pdfs: LobePdfs) -> LobePdfs {
+        let pdf = self.pdf(pdfs);
+        LobePdfs {
+            lambert: pdf,
+            own: pdf,
+        }
+    }
+
     /// A direction of the Lambert part; none below the geometric surface.
     pub fn sample_lambert(&self, u: [f32; 2]) -> Option<Vec3A> {
         let frame = &self.views[self.lambert_view as usize].frame;

@@ -78,10 +78,12 @@ const LIGHT_PATH: [(&str, RayQuestion); 12] = [
     ("Is Camera Ray", |ray| is_kind(ray, RayKind::Camera)),
     ("Is Shadow Ray", |ray| is_kind(ray, RayKind::Shadow)),
     ("Is Diffuse Ray", |ray| is_kind(ray, RayKind::Diffuse)),
-    ("Is Glossy Ray", |ray| is_kind(ray, RayKind::Glossy)),
+    ("Is Glossy Ray", |ray| f32::from(ray.is_glossy())),
     ("Is Singular Ray", |ray| f32::from(ray.is_singular)),
     ("Is Reflection Ray", |ray| f32::from(ray.is_reflection())),
-    ("Is Transmission Ray", |ray| f32::from(ray.is_transmission)),
+    ("Is Transmission Ray", |ray| {
+        is_kind(ray, RayKind::Transmission)
+    }),
     ("Ray Depth", |ray| ray.depth as f32),
     ("Diffuse Depth", |ray| ray.diffuse_depth as f32),
     ("Glossy Depth", |ray| ray.glossy_depth as f32),
