@@ -35,8 +35,9 @@ pub struct Tracer<'a> {
     pub lights: &'a LightSampler,
     /// The settings.
     pub settings: &'a Settings,
-    /// Whether a surface of the frame lets light through, or is not seen by some rays.
-    pub see_through: bool,
+    /// For each instance whether it lets light through or is not seen by some rays; empty where
+    /// none does.
+    pub see_through: &'a [bool],
 }
 
 /// Scattering events so far, as the bounce limits count them.
@@ -247,15 +248,12 @@ impl<'a> Tracer<'a> {
         count_ray();
         let info = bounces.ray_info();
         let at = |hit: &Hit| surface::at(self.frame, hit, ray, &info);
-        if !self.see_through {
+        if self.see_through.is_empty() {
             return self.accel.closest_hit(self.frame, ray).as_ref().map(at);
         }
         let mut passed = Passed::default();
         let chance = Chance::new(bounces, sampler);
-        let accept = |hit: &Hit| {
-            self.is_seen(hit, &info)
-                && (self.is_stopped(hit, ray, &info, &chance) || passed.note(hit))
-        };
+        let accept = |hit: &Hit| self.is_met(hit, ray, &info, &chance, &mut passed);
         let hit = self.accel.closest_hit_where(self.frame, ray, accept);
         let end = hit.map_or(f32::INFINITY, |hit| hit.t);
         match passed.beyond(self.settings.transparent_max_bounces, end) {
@@ -267,17 +265,17 @@ impl<'a> Tracer<'a> {
     /// Whether a scattered ray meets a surface.
     fn is_hidden(&self, ray: &Ray, bounces: &Bounces, sampler: &Sampler) -> bool {
         count_ray();
-        if self.see_through {
-            self.is_stopped_on_the_way(ray, &bounces.ray_info(), bounces, sampler)
-        } else {
+        if self.see_through.is_empty() {
             self.accel.occluded(self.frame, ray)
+        } else {
+            self.is_stopped_on_the_way(ray, &bounces.ray_info(), bounces, sampler)
         }
     }
 
     /// Whether anything lies on a ray that looks for a light after the events `bounces`.
     pub fn is_occluded(&self, ray: &Ray, bounces: &Bounces, sampler: &Sampler) -> bool {
         count_ray();
-        if !self.see_through {
+        if self.see_through.is_empty() {
             return self.accel.occluded(self.frame, ray);
         }
         let info = RayInfo {
@@ -296,13 +294,24 @@ impl<'a> Tracer<'a> {
     ) -> bool {
         let mut passed = Passed::default();
         let chance = Chance::new(bounces, sampler);
-        let accept = |hit: &Hit| {
-            self.is_seen(hit, info)
-                && (self.is_stopped(hit, ray, info, &chance) || passed.note(hit))
-        };
+        let accept = |hit: &Hit| self.is_met(hit, ray, info, &chance, &mut passed);
         let limit = self.settings.transparent_max_bounces;
         self.accel.occluded_where(self.frame, ray, accept)
             || passed.beyond(limit, f32::INFINITY).is_some()
+    }
+
+    /// Whether a surface stops a ray that sees it; one that it passes is noted.
+    fn is_met(
+        &self,
+        hit: &Hit,
+        ray: &Ray,
+        info: &RayInfo,
+        chance: &Chance,
+        passed: &mut Passed,
+    ) -> bool {
+        !self.see_through[hit.instance as usize]
+            || self.is_seen(hit, info)
+                && (self.is_stopped(hit, ray, info, chance) || passed.note(hit))
     }
 
     /// Whether a ray meets what lies on it, or does not even see it.

@@ -15,7 +15,7 @@ use crate::reuse::{
     Estimator, LightTree, View, WithEstimator, lenders, window_frames, with_estimator,
 };
 use crate::sampling::LightSampler;
-use crate::scene::{FrameWindow, Material, SceneFrame, Visibility};
+use crate::scene::{FrameWindow, Instance, SceneFrame, Visibility};
 
 /// Stack of a tracing thread: paths recurse once per bounce, and the limit may be set to 1024.
 const STACK_BYTES: usize = 16 << 20;
@@ -91,7 +91,7 @@ struct Prepared {
     accel: Accel,
     lights: LightSampler,
     light_tree: Arc<LightTree>,
-    see_through: bool,
+    see_through: Vec<bool>,
     scene_size: f32,
 }
 
@@ -112,15 +112,22 @@ impl Prepared {
         Self {
             light_tree,
             lights,
-            see_through: frame.materials.iter().any(Material::is_see_through)
-                || frame
-                    .instances
-                    .iter()
-                    .any(|i| i.visibility != Visibility::ALL),
+            see_through: see_through(frame),
             scene_size: (upper - lower).length(),
             accel,
         }
     }
+}
+
+/// [`Tracer::see_through`] of a frame.
+fn see_through(frame: &SceneFrame) -> Vec<bool> {
+    let is_see_through = |instance: &Instance| {
+        let mut materials = instance.materials.iter();
+        instance.visibility != Visibility::ALL
+            || materials.any(|&material| frame.materials[material as usize].is_see_through())
+    };
+    let all: Vec<bool> = frame.instances.iter().map(is_see_through).collect();
+    if all.contains(&true) { all } else { Vec::new() }
 }
 
 fn prepare_and_run(job: &Job, progress: &Progress) -> Result<Vec<Rendered>> {
@@ -154,7 +161,7 @@ fn prepare_and_run(job: &Job, progress: &Progress) -> Result<Vec<Rendered>> {
                 accel: &prepared.accel,
                 lights: &prepared.lights,
                 settings: &job.settings,
-                see_through: prepared.see_through,
+                see_through: &prepared.see_through,
             },
             index,
             window: &window,

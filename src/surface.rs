@@ -80,18 +80,19 @@ pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
     let facet = Facet::new(frame, hit.instance, hit.triangle);
     let point = point_of(&facet, hit, ray, info);
     let [one, other] = point.edges.map(Vec3A::abs);
-    let bsdf = Bsdf::new(point.geometric_normal, point.incoming, !point.is_back);
-    let (bsdf, emission) = shade(frame, hit, &point, bsdf);
-    Surface {
+    // Filled in place: a surface is large to copy.
+    let mut surface = Surface {
         hit: *hit,
         position: point.position,
         geometric_normal: point.geometric_normal,
         normal: point.normal,
-        bsdf,
-        emission,
+        bsdf: Bsdf::new(point.geometric_normal, point.incoming, !point.is_back),
+        emission: Vec3A::ZERO,
         distance: hit.t,
         clearance: CLEARANCE * one.max(other).max_element(),
-    }
+    };
+    surface.emission = shade(frame, hit, &point, &mut surface.bsdf);
+    surface
 }
 
 fn point_of<'a>(facet: &'a Facet<'a>, hit: &Hit, ray: &Ray, info: &'a RayInfo) -> Point<'a> {
@@ -99,11 +100,12 @@ fn point_of<'a>(facet: &'a Facet<'a>, hit: &Hit, ray: &Ray, info: &'a RayInfo) -
     facet.point(Vec2::new(hit.u, hit.v), ray.direction, ray_length, info)
 }
 
-/// The closures' reflection and emission, given that the ray did not pass straight on.
-fn shade(frame: &SceneFrame, hit: &Hit, point: &Point, mut bsdf: Bsdf) -> (Bsdf, Vec3A) {
+/// Adds the closures' reflection and returns their emission, given that the ray did not pass
+/// straight on.
+fn shade(frame: &SceneFrame, hit: &Hit, point: &Point, bsdf: &mut Bsdf) -> Vec3A {
     let Some(material) = frame.material_of(hit.instance, hit.triangle) else {
         bsdf.add_diffuse(Vec3A::ONE, DEFAULT_COLOR, point.normal, 0.0);
-        return (bsdf, Vec3A::ZERO);
+        return Vec3A::ZERO;
     };
     // A surface that stops a fraction of the rays, and is seen by those, reflects its weight over
     // that fraction.
@@ -111,9 +113,9 @@ fn shade(frame: &SceneFrame, hit: &Hit, point: &Point, mut bsdf: Bsdf) -> (Bsdf,
     let scale = if opacity > 0.0 { 1.0 / opacity } else { 0.0 };
     let mut emission = Vec3A::ZERO;
     material.surface.run(point, &frame.images, &mut |closure| {
-        emission += add_closure(&mut bsdf, &closure, scale, point);
+        emission += add_closure(bsdf, closure, scale, point);
     });
-    (bsdf, emission)
+    emission
 }
 
 /// Adds what scatters; returns what shines.
@@ -121,8 +123,8 @@ fn add_closure(bsdf: &mut Bsdf, closure: &Closure, scale: f32, point: &Point) ->
     let scaled = |weight: f32| Vec3A::splat(weight * scale);
     let bent = |normal: Vec3A| normal_at(point, normal);
     match *closure {
-        Closure::Principled(p) => {
-            bsdf.add_principled(scaled(p.weight), &principled(&p, point));
+        Closure::Principled(ref p) => {
+            bsdf.add_principled(scaled(p.weight), &principled(p, point));
         }
         Closure::Diffuse {
             weight,
@@ -130,7 +132,7 @@ fn add_closure(bsdf: &mut Bsdf, closure: &Closure, scale: f32, point: &Point) ->
             roughness,
             normal,
         } => bsdf.add_diffuse(scaled(weight), color, bent(normal), roughness),
-        Closure::Glossy(glossy) => add_glossy(bsdf, &glossy, scaled(glossy.weight), point),
+        Closure::Glossy(ref glossy) => add_glossy(bsdf, glossy, scaled(glossy.weight), point),
         Closure::Glass(glass) => bsdf.add_glass(
             scaled(glass.weight),
             glass.color,
@@ -253,7 +255,7 @@ fn opacity_of(frame: &SceneFrame, material: &Material, point: &Point) -> f32 {
         .transparency
         .run(point, &frame.images, &mut |closure| {
             if let Closure::Transparent(share) = closure {
-                passed += share;
+                passed += *share;
             }
         });
     // A tinted closure passes the share that its colour passes on average.

@@ -48,10 +48,18 @@ impl Use {
     }
 }
 
+/// What a step does.
+#[derive(Clone)]
+enum Act {
+    Run(Run),
+    /// Hands over a closure that is the same everywhere.
+    Known(Box<Closure>),
+}
+
 /// One instruction of a program that is ready to run.
 #[derive(Clone)]
 struct Step {
-    run: Run,
+    act: Act,
     first_operand: u32,
     register: u32,
     parameter: u32,
@@ -88,7 +96,7 @@ impl Program {
     }
 
     /// Runs it at a point and hands over the closures in their order.
-    pub fn run(&self, point: &Point, images: &[Arc<Image>], emit: &mut dyn FnMut(Closure)) {
+    pub fn run(&self, point: &Point, images: &[Arc<Image>], emit: &mut dyn FnMut(&Closure)) {
         let variations;
         let points = if self.has_variations {
             variations = point.variations();
@@ -111,9 +119,16 @@ impl Program {
         values: &mut [Vec3A],
         points: [&Point; 3],
         images: &[Arc<Image>],
-        emit: &mut dyn FnMut(Closure),
+        emit: &mut dyn FnMut(&Closure),
     ) {
         for step in &self.steps {
+            let run = match &step.act {
+                Act::Known(closure) => {
+                    emit(closure);
+                    continue;
+                }
+                Act::Run(run) => run,
+            };
             let first = step.first_operand as usize;
             let args = Args {
                 point: points[usize::from(step.variation)],
@@ -125,9 +140,9 @@ impl Program {
                 modes: step.modes,
                 parameter: step.parameter,
             };
-            match step.run {
+            match run {
                 Run::Value(run) => values[step.register as usize] = run(&args),
-                Run::Closure(run) => emit(run(&args)),
+                Run::Closure(run) => emit(&run(&args)),
             }
         }
     }
@@ -140,6 +155,12 @@ struct Checked {
     parameter: u32,
     modes: [u8; MODE_LISTS],
     variation: u8,
+}
+
+impl Checked {
+    fn has_constants_only(&self) -> bool {
+        self.operands.iter().all(|&o| o >= FIRST_CONSTANT)
+    }
 }
 
 /// A program between its check and its use.
@@ -283,21 +304,34 @@ impl Draft {
     /// The value of an instruction if it is the same everywhere.
     fn value_of(&self, index: usize) -> Option<Vec3A> {
         let instruction = &self.instructions[index];
-        let is_constant = instruction.operands.iter().all(|&o| o >= FIRST_CONSTANT);
         let Run::Value(run) = instruction.operation.run else {
             return None;
         };
-        (is_constant && instruction.operation.is_pure).then(|| {
-            run(&Args {
-                point: &Point::nowhere(),
-                images: &[],
-                tables: &self.tables,
-                operands: &instruction.operands,
-                constants: &self.constants,
-                values: &[],
-                modes: instruction.modes,
-                parameter: instruction.parameter,
-            })
+        let is_known = instruction.has_constants_only() && instruction.operation.is_pure;
+        is_known.then(|| self.run_nowhere(instruction, run))
+    }
+
+    /// What a step does for an instruction: closures of constants only are made here, once.
+    fn act_of(&self, instruction: &Checked) -> Act {
+        match instruction.operation.run {
+            Run::Closure(run) if instruction.has_constants_only() => {
+                Act::Known(Box::new(self.run_nowhere(instruction, run)))
+            }
+            run => Act::Run(run),
+        }
+    }
+
+    /// Runs an instruction that reads nothing but constants.
+    fn run_nowhere<T>(&self, instruction: &Checked, run: fn(&Args) -> T) -> T {
+        run(&Args {
+            point: &Point::nowhere(),
+            images: &[],
+            tables: &self.tables,
+            operands: &instruction.operands,
+            constants: &self.constants,
+            values: &[],
+            modes: instruction.modes,
+            parameter: instruction.parameter,
         })
     }
 
@@ -338,7 +372,7 @@ impl Draft {
             program.has_variations |=
                 instruction.variation != 0 || instruction.operation.name == "bump";
             program.steps.push(Step {
-                run: instruction.operation.run,
+                act: self.act_of(instruction),
                 first_operand,
                 register: register_of[index],
                 parameter: instruction.parameter,

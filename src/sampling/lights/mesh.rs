@@ -17,7 +17,7 @@ fn glow_of(emission: &Program, point: &Point, images: &[Arc<Image>]) -> Vec3A {
     let mut radiance = Vec3A::ZERO;
     emission.run(point, images, &mut |closure| {
         if let Closure::Emission(light) = closure {
-            radiance += light;
+            radiance += *light;
         }
     });
     if radiance.is_finite() {

@@ -86,6 +86,8 @@ pub(super) struct CellTable {
     rows: Discrete,
     /// A cumulative distribution of `width + 1` steps for each row.
     columns: Vec<f32>,
+    /// Where to look in each row's distribution.
+    guides: Vec<u32>,
     /// Density [1/sr] of each cell's directions: exactly what the distributions draw.
     densities: Vec<f32>,
 }
@@ -96,11 +98,18 @@ impl CellTable {
         let rows = Discrete::new(weights.chunks(grid.width).map(|row| row.iter().sum()))?;
         let stride = grid.width + 1;
         let mut columns = Vec::with_capacity(stride * grid.height);
+        let mut guides = Vec::with_capacity(grid.cells());
         let mut densities = Vec::with_capacity(grid.cells());
         for (row, weights) in weights.chunks(grid.width).enumerate() {
             match Discrete::new(weights.iter().copied()) {
-                Some(discrete) => columns.extend_from_slice(discrete.cumulative()),
-                None => columns.resize(columns.len() + stride, 0.0),
+                Some(discrete) => {
+                    columns.extend_from_slice(discrete.cumulative());
+                    guides.extend_from_slice(discrete.guide());
+                }
+                None => {
+                    columns.resize(columns.len() + stride, 0.0);
+                    guides.resize(guides.len() + grid.width, 0);
+                }
             }
             let scale = rows.pmf(row) / grid.solid_angle(row);
             let steps = columns[row * stride..].windows(2);
@@ -111,6 +120,7 @@ impl CellTable {
             grid,
             rows,
             columns,
+            guides,
             densities,
         })
     }
@@ -128,7 +138,9 @@ impl CellTable {
     pub(super) fn sample(&self, u: [f32; 2]) -> (Vec3A, f32) {
         let (row, _, v) = self.rows.sample(u[1]);
         let stride = self.grid.width + 1;
-        let (column, _, u) = step(&self.columns[row * stride..(row + 1) * stride], u[0]);
+        let cumulative = &self.columns[row * stride..(row + 1) * stride];
+        let guide = &self.guides[row * self.grid.width..(row + 1) * self.grid.width];
+        let (column, _, u) = step(cumulative, guide, u[0]);
         let edges = [self.edges[row], self.edges[row + 1]];
         let direction = self.grid.direction_between(edges, column, [u, v]);
         (direction, self.densities[row * self.grid.width + column])

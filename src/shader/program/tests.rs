@@ -9,7 +9,7 @@ fn draft(rows: &[Row], constants: &[[f32; 3]]) -> Result<Draft> {
 
 fn closures(program: &Program) -> Vec<Closure> {
     let mut found = vec![];
-    program.run(&Point::nowhere(), &[], &mut |closure| found.push(closure));
+    program.run(&Point::nowhere(), &[], &mut |closure| found.push(*closure));
     found
 }
 
