@@ -112,14 +112,11 @@ impl Image {
                     let along = |[left, right]: [Vec4; 2]| left.lerp(right, part.x);
                     return along(bottom).lerp(along(top), part.y);
                 }
-                let (columns, rows) = ([x, x + 1], [y, y + 1]);
-                let columns = columns.map(|x| self.extension.index(x, self.width));
-                let rows = rows.map(|y| self.extension.index(y, self.height));
-                let texel = |x: Option<usize>, y: Option<usize>| {
-                    x.zip(y).map_or(Vec4::ZERO, |(x, y)| self.texel(x, y))
-                };
-                let along = |y| texel(columns[0], y).lerp(texel(columns[1], y), part.x);
-                along(rows[0]).lerp(along(rows[1]), part.y)
+                let bottom = self.extended(x, y).lerp(self.extended(x + 1, y), part.x);
+                let top = self
+                    .extended(x, y + 1)
+                    .lerp(self.extended(x + 1, y + 1), part.x);
+                bottom.lerp(top, part.y)
             }
         }
     }
@@ -140,30 +137,17 @@ impl Image {
     }
 
     fn extended(&self, x: i64, y: i64) -> Vec4 {
-        let column = self.extension.index(x, self.width);
-        let row = self.extension.index(y, self.height);
-        column
-            .zip(row)
-            .map_or(Vec4::ZERO, |(x, y)| self.texel(x, y))
-    }
-}
-
-impl Extension {
-    /// Where a texel that may lie outside is found along an axis; `None` where nothing is.
-    #[inline]
-    fn index(self, x: i64, size: usize) -> Option<usize> {
-        // Divisions are slow, and most texels lie inside.
-        if (0..size as i64).contains(&x) {
-            return Some(x as usize);
-        }
-        let size = size as i64;
-        let inside = match self {
-            Extension::Repeat => x.rem_euclid(size),
-            Extension::Extend => x.clamp(0, size - 1),
-            Extension::Mirror => mirrored(x, size),
-            Extension::Clip => return None,
+        let (width, height) = (self.width as i64, self.height as i64);
+        let inside = (0..width).contains(&x) && (0..height).contains(&y);
+        // Divisions are slow, and nearly all texels lie inside.
+        let (x, y) = match self.extension {
+            _ if inside => (x, y),
+            Extension::Repeat => (x.rem_euclid(width), y.rem_euclid(height)),
+            Extension::Extend => (x.clamp(0, width - 1), y.clamp(0, height - 1)),
+            Extension::Mirror => (mirrored(x, width), mirrored(y, height)),
+            Extension::Clip => return Vec4::ZERO,
         };
-        Some(inside as usize)
+        self.texel(x as usize, y as usize)
     }
 }
 

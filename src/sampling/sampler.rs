@@ -36,6 +36,8 @@ pub struct CameraSample {
 pub struct LightUse {
     /// Chooses the light.
     pub choice: f32,
+    /// Chooses a part of it, where `choice` is spent on finding it among many.
+    pub inside: f32,
     /// Chooses the direction.
     pub direction: [f32; 2],
 }
@@ -89,9 +91,10 @@ impl Sampler {
 
     /// Numbers for a light sample at the path's vertex number `vertex`.
     pub fn light(&self, vertex: u32) -> LightUse {
-        let [x, y, choice, _] = self.point(vertex, Use::Light);
+        let [x, y, choice, inside] = self.point(vertex, Use::Light);
         LightUse {
             choice,
+            inside,
             direction: [x, y],
         }
     }

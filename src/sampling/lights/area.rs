@@ -4,10 +4,11 @@
 //! narrows it like the slats of a soft box: of the light at an angle x to the axis the share
 //! `1 - tan x / tan a` gets through, with a half the spread (Blender, D10594). The power stays.
 
-use std::f32::consts::{FRAC_PI_4, PI};
+use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use glam::{Affine3A, Vec2, Vec3A};
 
+use super::tree::{Extent, NormalCone};
 use super::{Emitter, LightClass, LightHit, LightSample, Receiver};
 use crate::math::warp::sample_disk;
 use crate::math::{Ray, luminance};
@@ -199,10 +200,6 @@ impl Emitter for Area {
         narrowed / PI * cos * cos_light / distance_squared
     }
 
-    fn power(&self, _: f32) -> f32 {
-        luminance(self.power)
-    }
-
     fn sample(&self, receiver: &Receiver, _: f32, u: [f32; 2]) -> Option<LightSample> {
         let on = self.sample_point(receiver.point, u)?;
         let offset = self.center + on.x * self.axes[0] + on.y * self.axes[1] - receiver.point;
@@ -231,7 +228,21 @@ impl Emitter for Area {
         })
     }
 
-    fn position(&self) -> Option<Vec3A> {
-        Some(self.center)
+    fn extent(&self) -> Option<Extent> {
+        // The ball that `irradiance` takes it for.
+        let radius = self.half_size.length();
+        let (gain, reach) = self.slats.map_or((1.0, FRAC_PI_2), |slats| {
+            (slats.gain, slats.tan_half_spread.atan())
+        });
+        Some(Extent {
+            low: self.center - radius,
+            high: self.center + radius,
+            intensity: gain * luminance(self.power) / PI,
+            normals: NormalCone {
+                axis: self.normal,
+                angle: 0.0,
+            },
+            reach,
+        })
     }
 }

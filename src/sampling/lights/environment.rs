@@ -404,10 +404,6 @@ impl Emitter for Sky {
         PI * self.mean
     }
 
-    fn power(&self, scene_radius: f32) -> f32 {
-        4.0 * PI * PI * scene_radius * scene_radius * self.mean
-    }
-
     fn sample(&self, receiver: &Receiver, _: f32, u: [f32; 2]) -> Option<LightSample> {
         let Some((tables, mapping)) = &self.image else {
             let local = sample_cosine_hemisphere(u);
@@ -439,10 +435,6 @@ impl Emitter for ImageSun {
         const SIN_HALF_ANGLE: f32 = 0.06;
         let cos = receiver.normal.dot(self.direction);
         self.irradiance * (cos + SIN_HALF_ANGLE).clamp(0.0, 1.0)
-    }
-
-    fn power(&self, scene_radius: f32) -> f32 {
-        self.irradiance * PI * scene_radius * scene_radius
     }
 
     fn sample(&self, _: &Receiver, u_choice: f32, u: [f32; 2]) -> Option<LightSample> {

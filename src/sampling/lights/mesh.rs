@@ -1,10 +1,11 @@
 //! An instance whose triangles glow, to both sides as in Cycles.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
 use glam::{Vec2, Vec3A};
 
+use super::tree::{Extent, NormalCone};
 use super::{Emitter, LightClass, LightSample, Receiver};
 use crate::math::luminance;
 use crate::math::warp::sample_triangle;
@@ -243,10 +244,6 @@ impl Emitter for MeshLight {
         self.power * cos / (4.0 * PI * distance * distance)
     }
 
-    fn power(&self, _: f32) -> f32 {
-        self.power
-    }
-
     fn sample(&self, receiver: &Receiver, u_choice: f32, u: [f32; 2]) -> Option<LightSample> {
         let (index, _, _) = self.choice.sample(u_choice);
         let facet = &self.facets[index];
@@ -273,7 +270,14 @@ impl Emitter for MeshLight {
         found.map_or(0.0, |index| self.pdf_of_facet(index, hit - point))
     }
 
-    fn position(&self) -> Option<Vec3A> {
-        Some(self.center)
+    fn extent(&self) -> Option<Extent> {
+        // Both sides of its triangles shine.
+        Some(Extent {
+            low: self.center - self.radius,
+            high: self.center + self.radius,
+            intensity: self.power / (4.0 * PI),
+            normals: NormalCone::ALL,
+            reach: FRAC_PI_2,
+        })
     }
 }

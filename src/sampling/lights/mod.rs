@@ -1,7 +1,7 @@
 //! Where light comes from: choosing a light for a point, and a direction towards it.
 //!
-//! Every light is an [`Emitter`] in a file of its own. Up to [`EVALUATED_MAX`] lights are weighed by
-//! the irradiance they may give at the point; more are chosen by their power alone.
+//! Every light is an [`Emitter`] in a file of its own. One is chosen by the irradiance that it may
+//! give at the point: [`choice`] and, for many lights, [`tree`].
 //!
 //! Light sampling draws one light; [`LightSample::pdf_solid_angle`] holds the probability of that
 //! choice. Light that a scattered ray runs into is joined to it by multiple importance sampling,
@@ -9,33 +9,35 @@
 //! [`LightSampler::lamps_along`] give.
 //!
 //! # Departures from Cycles
-//! A fixed list instead of a light tree; area lamps are sampled by area.
+//! An instance that glows is one light, whose triangles are chosen by their power; area lamps are
+//! sampled by area.
 
 mod area;
+mod choice;
 mod environment;
 mod mesh;
 mod sphere;
 mod sun;
 mod table;
+mod tree;
 
 use std::sync::Arc;
 
 use glam::Vec3A;
 
-use super::discrete::Discrete;
 use super::sampler::LightUse;
+use crate::kernel::InstanceBvh;
 use crate::math::Ray;
 use crate::scene::{Light, LightKind, Reach, SceneFrame, World};
 use crate::shader::RayKind;
 use area::Area;
+use choice::{Choice, Chosen, EVALUATED_MAX};
 use environment::{ImageTables, SmallSky, lights_of};
 use mesh::MeshLight;
 pub use mesh::emitted_radiance;
 use sphere::{Cone, Sphere};
 use sun::Sun;
-
-/// Up to this many lights are weighed at every point. More cost more than a shadow ray.
-const EVALUATED_MAX: usize = 32;
+use tree::Extent;
 
 /// What a light's shadow edges are like, and so whether its light may be borrowed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -118,9 +120,6 @@ trait Emitter: Send + Sync {
     /// light gives none.
     fn irradiance(&self, receiver: &Receiver) -> f32;
 
-    /// About how much light it sends into a scene of this radius [luminance of W].
-    fn power(&self, scene_radius: f32) -> f32;
-
     /// A direction to it; densities are without the probability of choosing this light.
     fn sample(&self, receiver: &Receiver, u_choice: f32, u: [f32; 2]) -> Option<LightSample>;
 
@@ -144,8 +143,8 @@ trait Emitter: Send + Sync {
         false
     }
 
-    /// Where it is, unless far away.
-    fn position(&self) -> Option<Vec3A> {
+    /// Where it is and where it shines, unless far away.
+    fn extent(&self) -> Option<Extent> {
         None
     }
 }
@@ -163,8 +162,9 @@ pub struct LightSampler {
     small_sky: Option<Arc<SmallSky>>,
     /// Glowing instances, in rising order; their lights come last in `lights`.
     glowing: Vec<u32>,
-    /// For where there are too many lights to weigh them at every point.
-    by_power: Option<Discrete>,
+    choice: Choice,
+    /// Where there are too many lamps to ask each whether a ray meets it.
+    lamp_finder: Option<LampFinder>,
     world: World,
     image_tables: Option<Arc<ImageTables>>,
 }
@@ -194,9 +194,8 @@ impl LightSampler {
             }
         }
         Self {
-            by_power: (lights.len() > EVALUATED_MAX)
-                .then(|| by_power(&lights))
-                .flatten(),
+            choice: Choice::new(&lights),
+            lamp_finder: (lamps > EVALUATED_MAX).then(|| LampFinder::new(&lights[..lamps])),
             lights,
             reaches,
             lamps,
@@ -254,8 +253,13 @@ impl LightSampler {
     ) -> [Option<LightSample>; 2] {
         let receiver = Receiver { point, normal };
         let one = || {
-            let (index, pmf, u_choice) = self.choose(&receiver, strategy, numbers.choice)?;
-            self.sample_light(index, pmf, &receiver, u_choice, numbers.direction)
+            let chosen = self.choose(&receiver, strategy, numbers)?;
+            let Chosen {
+                index,
+                probability,
+                u,
+            } = chosen;
+            self.sample_light(index, probability, &receiver, u, numbers.direction)
         };
         match strategy {
             Strategy::One | Strategy::WithoutSky => [one(), None],
@@ -349,10 +353,14 @@ impl LightSampler {
             point: ray.origin,
             normal,
         };
-        let lamps = self.lights[..self.lamps].iter().enumerate();
-        let visible = lamps.filter(move |&(index, _)| self.reaches[index].includes(kind, vertex));
-        visible.filter_map(move |(index, lamp)| {
-            let mut hit = lamp.intersect(ray, normal)?;
+        let (all, found) = match &self.lamp_finder {
+            Some(finder) => (0..0, finder.candidates(ray)),
+            None => (0..self.lamps, Vec::new()),
+        };
+        let lamps = all.chain(found.into_iter().map(|lamp| lamp as usize));
+        let visible = lamps.filter(move |&index| self.reaches[index].includes(kind, vertex));
+        visible.filter_map(move |index| {
+            let mut hit = self.lights[index].intersect(ray, normal)?;
             hit.pdf_solid_angle *= self.pmf(index, strategy, &receiver);
             Some(hit)
         })
@@ -377,33 +385,16 @@ impl LightSampler {
         density * self.pmf(index, strategy, &Receiver { point, normal })
     }
 
-    /// A light, the probability of choosing it, and a fresh random number.
-    fn choose(&self, receiver: &Receiver, strategy: Strategy, u: f32) -> Option<(usize, f32, f32)> {
-        if self.is_chosen_by_power() {
-            let chosen = self.by_power.as_ref()?.sample(u);
-            return self.is_among(chosen.0, strategy).then_some(chosen);
-        }
-        let (weights, total) = self.weights(receiver, strategy);
-        if !(total > 0.0) {
-            return None;
-        }
-        let mut rest = u * total;
-        let mut chosen = None;
-        for (index, &weight) in weights[..self.lights.len()].iter().enumerate() {
-            if weight > 0.0 {
-                // Where rounding leaves a rest behind the last light, that one is taken.
-                chosen = Some((
-                    index,
-                    weight / total,
-                    (rest / weight).clamp(0.0, ALMOST_ONE),
-                ));
-                if rest < weight {
-                    break;
-                }
-            }
-            rest -= weight;
-        }
-        chosen
+    fn choose(
+        &self,
+        receiver: &Receiver,
+        strategy: Strategy,
+        numbers: &LightUse,
+    ) -> Option<Chosen> {
+        let is_among = |index| self.is_among(index, strategy);
+        let (u, inside) = (numbers.choice, numbers.inside);
+        self.choice
+            .choose(&self.lights, receiver, is_among, u, inside)
     }
 
     /// Probability of choosing a light.
@@ -411,41 +402,13 @@ impl LightSampler {
         if !self.is_among(index, strategy) {
             return f32::from(u8::from(strategy == Strategy::SkyApart));
         }
-        if self.is_chosen_by_power() {
-            return self
-                .by_power
-                .as_ref()
-                .map_or(0.0, |choice| choice.pmf(index));
-        }
-        let (weights, total) = self.weights(receiver, strategy);
-        if total > 0.0 {
-            weights[index] / total
-        } else {
-            0.0
-        }
-    }
-
-    fn is_chosen_by_power(&self) -> bool {
-        self.lights.len() > EVALUATED_MAX
+        let is_among = |index| self.is_among(index, strategy);
+        self.choice.pmf(&self.lights, receiver, is_among, index)
     }
 
     /// Whether a light is among those of which one is chosen.
     fn is_among(&self, index: usize, strategy: Strategy) -> bool {
         strategy == Strategy::One || self.sky != Some(index)
-    }
-
-    fn weights(&self, receiver: &Receiver, strategy: Strategy) -> ([f32; EVALUATED_MAX], f32) {
-        let mut weights = [0.0; EVALUATED_MAX];
-        let mut total = 0.0;
-        for (index, (weight, light)) in weights.iter_mut().zip(&self.lights).enumerate() {
-            if !self.is_among(index, strategy) {
-                continue;
-            }
-            // At a lamp's very centre its irradiance has no bound.
-            *weight = light.irradiance(receiver).min(WEIGHT_MAX);
-            total += *weight;
-        }
-        (weights, total)
     }
 }
 
@@ -496,13 +459,40 @@ fn reach_of_surface(frame: &SceneFrame, instance: u32) -> Reach {
     }
 }
 
-/// A choice by power, for a scene as large as the region that its lamps span.
-fn by_power(lights: &[Box<dyn Emitter>]) -> Option<Discrete> {
-    let positions = || lights.iter().filter_map(|light| light.position());
-    let low = positions().fold(Vec3A::INFINITY, Vec3A::min);
-    let high = positions().fold(Vec3A::NEG_INFINITY, Vec3A::max);
-    let radius = (0.5 * (high - low).length()).clamp(1.0, 1e6);
-    Discrete::new(lights.iter().map(|light| light.power(radius)))
+/// The lamps that a ray may meet, where they are many.
+struct LampFinder {
+    boxes: InstanceBvh,
+    /// Lamps without a place: every ray may meet them.
+    far: Vec<u32>,
+}
+
+impl LampFinder {
+    fn new(lamps: &[Box<dyn Emitter>]) -> Self {
+        let nowhere = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let extents: Vec<_> = lamps.iter().map(|lamp| lamp.extent()).collect();
+        let far = (0u32..).zip(&extents).filter(|(_, e)| e.is_none());
+        let boxes = extents
+            .iter()
+            .map(|extent| extent.map_or(nowhere, |e| (e.low, e.high)));
+        Self {
+            far: far.map(|(lamp, _)| lamp).collect(),
+            boxes: InstanceBvh::build(&boxes.collect::<Vec<_>>()),
+        }
+    }
+
+    /// In rising order, so that sums over them do not depend on the tree.
+    fn candidates(&self, ray: &Ray) -> Vec<u32> {
+        let mut found = Vec::new();
+        self.boxes.closest(ray, |lamp, _| {
+            found.push(lamp);
+            None
+        });
+        if ray.t_max == f32::INFINITY {
+            found.extend(&self.far);
+        }
+        found.sort_unstable();
+        found
+    }
 }
 
 #[cfg(test)]

@@ -4,10 +4,11 @@
 //! Radiance follows Cycles (4.2 to 5.x): a lamp of power P and radius r shines with P / (4 pi^2 r^2)
 //! from its surface; without a radius its intensity is P / (4 pi) [W/sr].
 
-use std::f32::consts::PI;
+use std::f32::consts::{FRAC_PI_2, PI};
 
 use glam::{Affine3A, Vec3A};
 
+use super::tree::{Extent, NormalCone};
 use super::{Emitter, LightClass, LightHit, LightSample, Receiver};
 use crate::math::warp::{
     one_minus_cos_from_sin_squared, pdf_cone, pdf_cosine_hemisphere, pdf_disk, sample_cone,
@@ -208,10 +209,6 @@ impl Emitter for Sphere {
         luminance(self.power) * cos / (4.0 * PI * distance * distance)
     }
 
-    fn power(&self, _: f32) -> f32 {
-        luminance(self.power)
-    }
-
     fn sample(&self, receiver: &Receiver, _: f32, u: [f32; 2]) -> Option<LightSample> {
         let Receiver { point, normal } = *receiver;
         let (direction, distance) = self.direction(receiver, u);
@@ -249,7 +246,21 @@ impl Emitter for Sphere {
         })
     }
 
-    fn position(&self) -> Option<Vec3A> {
-        Some(self.center)
+    fn extent(&self) -> Option<Extent> {
+        let intensity = luminance(self.power) / (4.0 * PI);
+        let (normals, reach) = match self.cone {
+            None => (NormalCone::ALL, FRAC_PI_2),
+            Some(cone) => {
+                let (axis, angle) = (cone.axis, 0.0);
+                (NormalCone { axis, angle }, cone.half_angle)
+            }
+        };
+        Some(Extent {
+            low: self.center - self.radius,
+            high: self.center + self.radius,
+            intensity,
+            normals,
+            reach,
+        })
     }
 }

@@ -47,10 +47,6 @@ impl Emitter for Sun {
         luminance(self.irradiance) * (cos + self.sin_half_angle).clamp(0.0, 1.0)
     }
 
-    fn power(&self, scene_radius: f32) -> f32 {
-        luminance(self.irradiance) * PI * scene_radius * scene_radius
-    }
-
     fn sample(&self, _: &Receiver, _: f32, u: [f32; 2]) -> Option<LightSample> {
         let (direction, radiance, pdf_solid_angle) = match self.one_minus_cos {
             None => (self.frame.normal(), self.irradiance, 1.0),

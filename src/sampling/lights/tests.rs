@@ -8,6 +8,8 @@ use crate::math::statistics::{DirectionTest, MAX_SCORE, Random, chi_square_score
 use crate::scene::{Instance, Material, Mesh, Visibility};
 use crate::shader::{Draft, ObjectInfo};
 
+mod many;
+
 fn plain_world(radiance: f32) -> World {
     World {
         radiance: Vec3A::splat(radiance),
@@ -114,6 +116,7 @@ fn glowing_square() -> SceneFrame {
 fn numbers(random: &mut Random) -> LightUse {
     LightUse {
         choice: random.next(),
+        inside: random.next(),
         direction: random.next_2d(),
     }
 }
@@ -417,46 +420,6 @@ fn many_lamps(count: usize) -> Vec<Light> {
         .collect()
 }
 
-#[test]
-fn probabilities_of_the_lights_sum_to_one_and_are_what_is_drawn() {
-    for count in [5, EVALUATED_MAX - 1, 100] {
-        let lights = LightSampler::build(&frame_of(many_lamps(count), plain_world(1.0)), None);
-        assert_eq!(lights.len(), count + 1);
-        let mut random = Random::new(13);
-        for _ in 0..100 {
-            let receiver = Receiver {
-                point: Vec3A::new(random.next(), random.next(), random.next()) * 8.0,
-                normal: crate::math::warp::sample_sphere(random.next_2d()),
-            };
-            let sum: f32 = (0..lights.len())
-                .map(|i| lights.pmf(i, Strategy::One, &receiver))
-                .sum();
-            assert!((sum - 1.0).abs() < 1e-5, "{count}: {sum}");
-        }
-        let receiver = Receiver {
-            point: Vec3A::ONE,
-            normal: Vec3A::Z,
-        };
-        let mut observed = vec![0.0; count + 1 + 10];
-        let mut expected = vec![0.0; count + 1 + 10];
-        for (index, expected) in expected[..=count].iter_mut().enumerate() {
-            *expected = 1e5 * f64::from(lights.pmf(index, Strategy::One, &receiver));
-        }
-        for _ in 0..100_000 {
-            let (index, pmf, rest) = lights
-                .choose(&receiver, Strategy::One, random.next())
-                .unwrap();
-            assert!((pmf / lights.pmf(index, Strategy::One, &receiver) - 1.0).abs() < 1e-5);
-            assert!((0.0..1.0).contains(&rest));
-            observed[index] += 1.0;
-        }
-        if count > 10 {
-            let score = chi_square_score(&observed, &expected);
-            assert!(score < MAX_SCORE, "{count}: {score}");
-        }
-    }
-}
-
 /// Skipping a lamp that cannot reach the point must lose no light: the sum over lamps one by one.
 #[test]
 fn irradiance_of_many_lamps_is_the_sum_over_the_lamps() {
@@ -570,6 +533,7 @@ fn spread_narrows_an_area_lamp_and_keeps_its_power() {
                     let u = [(); 2].map(|()| random.next());
                     let numbers = LightUse {
                         choice: 0.0,
+                        inside: 0.0,
                         direction: u,
                     };
                     let samples = lights.sample(point, Vec3A::Z, Strategy::One, &numbers, || u);
