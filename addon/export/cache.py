@@ -8,7 +8,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .changes import GeometryChanges
+from .changes import Changes
+from .shader import Program
 
 # Exports after which a mesh that no frame used is let go. A window looks ahead by its length, and
 # a mesh comes back when the next chunk starts with the frames the last one ended with.
@@ -56,20 +57,23 @@ class Statistics:
     frames: int = 0
     meshes_read: int = 0
     meshes_built: int = 0
+    materials_compiled: int = 0
     images_built: int = 0
     seconds: float = 0.0
 
 
 @dataclass
 class ExportCache:
-    """Meshes and images of a render job, by content, so that nothing is handed over twice."""
+    """What a render job holds, so that nothing is read twice: meshes and images by content."""
 
     meshes: dict[bytes, CachedMesh] = field(default_factory=dict)
     images: dict[tuple, CachedImage] = field(default_factory=dict)
     statistics: Statistics = field(default_factory=Statistics)
+    # Programs of materials that are what they were, by the material's `session_uid`.
+    programs: dict[int, Program] = field(default_factory=dict)
     _last_use: dict[bytes, int] = field(default_factory=dict)
     _by_form: dict[bytes, list[CachedMesh]] = field(default_factory=dict)
-    _changes: GeometryChanges = field(default_factory=GeometryChanges)
+    _changes: Changes = field(default_factory=Changes)
     # By address of the evaluated mesh: those of the last export that still hold, and this one's.
     _unchanged: dict[int, EvaluatedMesh] = field(default_factory=dict)
     _evaluated: dict[int, EvaluatedMesh] = field(default_factory=dict)
@@ -77,6 +81,10 @@ class ExportCache:
     def begin_frame(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Forget what Blender evaluated anew since the last export."""
         changed = self._changes.take(depsgraph)
+        if changed is None:
+            self.programs.clear()
+        for uid in changed or ():
+            self.programs.pop(uid, None)
         kept = {} if changed is None else self._evaluated
         self._unchanged = {k: e for k, e in kept.items() if e.owner not in (changed or ())}
         self._evaluated = {}

@@ -1,4 +1,4 @@
-"""Which objects' geometry Blender has evaluated anew since it was last exported."""
+"""Which geometry and materials Blender has evaluated anew since they were last exported."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from collections.abc import Callable
 import bpy
 from bpy.app.handlers import persistent
 
-_watchers: weakref.WeakSet[GeometryChanges] = weakref.WeakSet()
+_watchers: weakref.WeakSet[Changes] = weakref.WeakSet()
 
 
-class GeometryChanges:
+class Changes:
     """Collects the changes of a depsgraph between two exports.
 
     `depsgraph.updates` holds those of the latest evaluation only, and Blender may evaluate several
@@ -19,14 +19,18 @@ class GeometryChanges:
     """
 
     def __init__(self) -> None:
-        # `session_uid` of the changed objects, by address of the depsgraph.
+        # `session_uid` of what changed, by address of the depsgraph.
         self._changed: dict[int, set[int]] = {}
         _watchers.add(self)
         _install()
         weakref.finalize(self, _remove_if_idle)
 
     def take(self, depsgraph: bpy.types.Depsgraph) -> set[int] | None:
-        """Return the `session_uid` of each object changed since the last call, and forget them.
+        """Return the `session_uid` of what changed since the last call, and forget it.
+
+        Of objects that is their geometry; of materials anything that they read: groups of nodes,
+        drivers and the animation of a value reach the material that uses them.
+
 
         None if this depsgraph was not watched until now: then everything may have changed.
         """
@@ -40,8 +44,11 @@ class GeometryChanges:
         """Note what the latest evaluation changed."""
         changed = self._changed.get(depsgraph.as_pointer())
         if changed is not None:
-            updates = (u.id.original for u in depsgraph.updates if u.is_updated_geometry)
-            changed |= {original.session_uid for original in updates}
+            changed |= {u.id.original.session_uid for u in depsgraph.updates if _counts(u)}
+
+
+def _counts(update: bpy.types.DepsgraphUpdate) -> bool:
+    return update.is_updated_geometry or isinstance(update.id, bpy.types.Material)
 
 
 @persistent

@@ -53,7 +53,7 @@ def export_frame(
     warnings = Warnings()
     arrays = export_camera(depsgraph, resolution, warnings)
     images = ImageTable(cache, core, warnings)
-    materials = MaterialTable(core, images, warnings)
+    materials = MaterialTable(depsgraph, cache, core, images, warnings)
     lights = LightTable(warnings)
     instances = InstanceTable(depsgraph, cache, core, materials, lights, warnings, should_stop)
     cache.begin_frame(depsgraph)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import bpy
 import numpy as np
 
+from .cache import ExportCache
 from .image import ImageTable
 from .nodes import RecursiveGroup, Source, active_output, find_input, surface
 from .report import Warnings
-from .shader import Compiler, Operations, Programs, compile_surface
+from .shader import Compiler, Operations, Program, Programs, compile_surface
 from .shader.closures import DEFAULT_SURFACE, diffuse_surface
 from .shader.nodes import displaced_normal
 
@@ -20,35 +22,47 @@ from .shader.nodes import displaced_normal
 class MaterialTable:
     """The materials of one frame, each once, in the order of their first use."""
 
+    depsgraph: bpy.types.Depsgraph
+    cache: ExportCache
     core: Any
     images: ImageTable
     warnings: Warnings
     programs: Programs = field(default_factory=Programs)
     # What each material reads from meshes, by the names in `shader/layers.py`.
     layers: list[frozenset[str]] = field(default_factory=list)
-    _operations: Operations = field(init=False)
     _rows: dict[int | None, int] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        self._operations = Operations(self.core)
+    @cached_property
+    def _operations(self) -> Operations:
+        return Operations(self.core)
 
     def index(self, material: bpy.types.Material | None) -> int:
         """Row of an evaluated material; None is Blender's default surface."""
         key = material.original.session_uid if material else None
         if key not in self._rows:
+            program = self._program(material)
+            self.warnings.add_all(program.warnings)
+            self.programs.add(program, self.images, self.depsgraph)
+            self._rows[key] = len(self.layers)
+            self.layers.append(frozenset(program.layers))
+        return self._rows[key]
+
+    def _program(self, material: bpy.types.Material | None) -> Program:
+        """The material's program, compiled only if it may have changed."""
+        uid = material.original.session_uid if material else 0  # Blender counts from one
+        program = self.cache.programs.get(uid)
+        if program is None:
             compiler = Compiler(
                 material.name if material else "",
                 material.pass_index if material else 0,
                 self._operations,
-                self.programs,
-                self.images,
-                self.warnings,
             )
             compile_material(compiler, material)
-            compiler.finish()
-            self._rows[key] = len(self.layers)
-            self.layers.append(frozenset(compiler.layers))
-        return self._rows[key]
+            program = compiler.program
+            self.cache.statistics.materials_compiled += 1
+            if program.is_lasting:
+                self.cache.programs[uid] = program
+        return program
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The `material_programs` and `program_*` arrays of the contract."""

@@ -25,5 +25,10 @@ class Warnings:
         """Say that `what` is missing from the picture of `name`."""
         self.add(name, f"{what} is not rendered yet")
 
+    def add_all(self, others: Warnings) -> None:
+        """Say what others say."""
+        for message in others.messages():
+            self._messages.setdefault(message)
+
     def messages(self) -> list[str]:
         return list(self._messages)

@@ -3,6 +3,14 @@
 from .closures import compile_surface
 from .compiler import Compiler
 from .layers import ACTIVE_UV, layer_key
-from .program import Operations, Programs
+from .program import Operations, Program, Programs
 
-__all__ = ["ACTIVE_UV", "Compiler", "Operations", "Programs", "compile_surface", "layer_key"]
+__all__ = [
+    "ACTIVE_UV",
+    "Compiler",
+    "Operations",
+    "Program",
+    "Programs",
+    "compile_surface",
+    "layer_key",
+]

@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ..nodes import LUMINANCE, Color, Constant, Source
-from ..report import Warnings
 from .layers import ACTIVE_UV, GENERATED, layer_key
-from .program import Operand, Operations, Programs, Value
+from .program import Instruction, Operand, Operations, Program, Value
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from ..image import ImageTable
 
 ZERO: Color = (0.0, 0.0, 0.0)
 ONE: Color = (1.0, 1.0, 1.0)
@@ -39,34 +37,23 @@ class Compiler:
         name: str,
         material_index: int,
         operations: Operations,
-        programs: Programs,
-        images: ImageTable,
-        warnings: Warnings,
     ) -> None:
         self.name = name
         self.material_index = material_index
         self.operations = operations
-        self.programs = programs
-        self.images = images
-        self.warnings = warnings
+        self.program = Program()
         # The normal of closures whose input is not linked; zero is the surface's own.
         self.normal: Operand = ZERO
-        # What the program reads from meshes.
-        self.layers: set[str] = set()
         # Where the nodes at hand are evaluated: at the point itself, or at a neighbour for bumps.
         self._point = 0
-        self._start = programs.count()
         self._values: dict[tuple, Operand] = {}
         self._under_way: set[tuple] = set()
 
-    def finish(self) -> None:
-        """End the program."""
-        self.programs.spans.append((self._start, self.programs.count() - self._start))
-
     def emit(self, name: str, *operands: Operand, parameter: int = 0) -> Value:
         """Write an instruction and return its value."""
-        value = Value(self.programs.count() - self._start)
-        self.programs.add(self.operations[name], operands, parameter, self._point)
+        instructions = self.program.instructions
+        value = Value(len(instructions) - self.program.start)
+        instructions.append(Instruction(self.operations[name], operands, parameter, self._point))
         return value
 
     def emit_with_modes(
@@ -123,7 +110,7 @@ class Compiler:
 
     def layer(self, name: str, operation: str = "attribute") -> Value:
         """The value of a layer of the mesh."""
-        self.layers.add(name)
+        self.program.layers.add(name)
         return self.emit(operation, parameter=layer_key(name))
 
     def uv(self, name: str = "") -> Value:
@@ -170,12 +157,12 @@ class Compiler:
 
     def warn(self, message: str) -> None:
         """Tell the user something about the material."""
-        self.warnings.add(self.name, message)
+        self.program.warnings.add(self.name, message)
 
     def give_up(self, reason: str) -> None:
         """Warn, and show a black surface: what was written so far may be half of something."""
         self.warn(f"{reason}, it is shown in black")
-        self._start = self.programs.count()
+        self.program.start = len(self.program.instructions)
 
     def missing(self, what: str, instead: str = "") -> None:
         """Warn that `what` is left out, and say what is shown in its place."""

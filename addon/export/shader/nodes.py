@@ -109,7 +109,7 @@ def image(compiler: Compiler, source: Source) -> Operand:
         "Closest" if node.interpolation == "Closest" else "Linear",
         multiply_alpha=not node.outputs["Alpha"].is_linked,
     )
-    row = compiler.images.index(use)
+    row = compiler.program.image(use)
     vector = compiler.input(source, "Vector")
     if node.projection == "BOX":
         blend = _operand(compiler, source, "projection_blend")
@@ -172,7 +172,7 @@ def ramp(compiler: Compiler, source: Source) -> Operand:
     rows = [ramp.evaluate(i / (TABLE_SIZE - 1)) for i in range(TABLE_SIZE)]
     what = "alpha" if source.output.identifier == "Alpha" else "color"
     stepped = "_stepped" if ramp.interpolation == "CONSTANT" else ""
-    table = compiler.programs.table(np.array([tuple(row) for row in rows]))
+    table = compiler.program.table(np.array([tuple(row) for row in rows]))
     return compiler.emit(f"ramp_{what}{stepped}", compiler.input(source, "Fac"), parameter=table)
 
 
@@ -194,7 +194,7 @@ def curves(compiler: Compiler, source: Source) -> Operand:
         compiler.input(source, factor.identifier),
         compiler.input(source, value.identifier),
         (low, high, extends),
-        parameter=compiler.programs.table(rows),
+        parameter=compiler.program.table(rows),
     )
 
 

@@ -1,15 +1,20 @@
-"""The programs of a frame, instruction by instruction, as the arrays of the contract."""
+"""Programs, instruction by instruction: of a material, and of a frame as arrays of the contract."""
 
 from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
+import bpy
 import numpy as np
 
 from ..nodes import Color
+from ..report import Warnings
+
+if TYPE_CHECKING:
+    from ..image import ImageTable, ImageUse
 
 # Operands from here on name constants.
 FIRST_CONSTANT = 1 << 31
@@ -36,6 +41,8 @@ class Operation:
     number: int
     name: str
     inputs: tuple[str, ...]
+    # What its parameter means: "none", "modes", "image", "table" or "attribute".
+    kind: str
     modes: tuple[tuple[str, ...], ...]
     is_closure: bool
 
@@ -59,6 +66,7 @@ class Operations:
                 number,
                 row["name"],
                 tuple(row["inputs"]),
+                row["parameter"],
                 tuple(tuple(choices) for choices in row["modes"]),
                 row["is_closure"],
             )
@@ -67,6 +75,46 @@ class Operations:
 
     def __getitem__(self, name: str) -> Operation:
         return self._rows[name]
+
+
+@dataclass(frozen=True)
+class Instruction:
+    """An operation, what it reads, and at which of the three points."""
+
+    operation: Operation
+    operands: tuple[Operand, ...]
+    parameter: int
+    point: int
+
+
+@dataclass
+class Program:
+    """The program of one material, which frames may share: it counts its own tables and images."""
+
+    instructions: list[Instruction] = field(default_factory=list)
+    # Where it begins: what is written before is not run.
+    start: int = 0
+    tables: list[bytes] = field(default_factory=list)
+    # Of the original images, which outlive the evaluated ones.
+    images: list[ImageUse] = field(default_factory=list)
+    # What the program reads from meshes, by the names in `layers.py`.
+    layers: set[str] = field(default_factory=set)
+    warnings: Warnings = field(default_factory=Warnings)
+
+    @property
+    def is_lasting(self) -> bool:
+        """Whether it stays the same until Blender evaluates the material anew."""
+        return all(use.image.source not in ("SEQUENCE", "MOVIE") for use in self.images)
+
+    def table(self, rows: np.ndarray) -> int:
+        """Number of a table of (TABLE_SIZE, 4) numbers."""
+        self.tables.append(np.ascontiguousarray(rows, np.float32).tobytes())
+        return len(self.tables) - 1
+
+    def image(self, use: ImageUse) -> int:
+        """Number of an image."""
+        self.images.append(replace(use, image=use.image.original))
+        return len(self.images) - 1
 
 
 @dataclass
@@ -83,17 +131,26 @@ class Programs:
         """How many instructions there are."""
         return len(self._instructions) // 4
 
-    def add(
-        self, operation: Operation, operands: Sequence[Operand], parameter: int, point: int
-    ) -> None:
-        """Append an instruction to the last program."""
-        start = len(self._operands)
-        self._instructions.extend((operation.number, start, parameter, point))
-        self._operands.extend(self._number(operand) for operand in operands)
+    def add(self, program: Program, images: ImageTable, depsgraph: bpy.types.Depsgraph) -> None:
+        """Append a program, with the frame's numbers for its tables and images."""
+        numbers = {
+            "table": [self._table(content) for content in program.tables],
+            "image": [
+                images.index(replace(use, image=use.image.evaluated_get(depsgraph)))
+                for use in program.images
+            ],
+        }
+        self.spans.append((self.count() + program.start, len(program.instructions) - program.start))
+        for each in program.instructions:
+            parameter = each.parameter
+            if each.operation.kind in numbers:
+                parameter = numbers[each.operation.kind][parameter]
+            start = len(self._operands)
+            self._instructions.extend((each.operation.number, start, parameter, each.point))
+            self._operands.extend([self._number(operand) for operand in each.operands])
 
-    def table(self, rows: np.ndarray) -> int:
-        """First row of a table of (TABLE_SIZE, 4) numbers."""
-        content = np.ascontiguousarray(rows, np.float32).tobytes()
+    def _table(self, content: bytes) -> int:
+        """First row of a table."""
         return self._tables.setdefault(content, len(self._tables) * TABLE_SIZE)
 
     def arrays(self) -> dict[str, np.ndarray]:
