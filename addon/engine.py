@@ -102,6 +102,19 @@ class DualConeEngine(bpy.types.RenderEngine):
             log.exception("Unexpected error")
             self._fail(f"{UNEXPECTED}{type(error).__name__}: {error}")
 
+    @contextmanager
+    def _scene_put_back(self, scene: bpy.types.Scene) -> Iterator[None]:
+        """Leave the scene at the time at which it was, whatever happens.
+
+        `frame_set` moves the user's scene too, and Blender would name the file after where it ends.
+        """
+        time = scene.frame_current, scene.frame_subframe
+        try:
+            yield
+        finally:
+            if time != (scene.frame_current, scene.frame_subframe):
+                self.frame_set(*time)
+
     def _fail(self, message: str) -> None:
         SESSION.clear()
         self.report({"ERROR"}, message)
@@ -117,13 +130,14 @@ class DualConeEngine(bpy.types.RenderEngine):
         order = read_order(self, depsgraph)
         for warning in unsupported(depsgraph.scene):
             self._warn(warning)
-        reader = Reader(self, renderer, depsgraph, order)
-        current = reader.read(order.frame)
-        if not len(current.arrays["instance_mesh"]):
-            self._warn(NOTHING_TO_SEE)
-        # Reading an unchanged scene again is cheap, and proves that no edit came between.
-        finished = SESSION.take(order.view, order.recipe, order.frame, current.content_hash)
-        scenes = [] if finished else reader.look_around(current)
+        with self._scene_put_back(depsgraph.scene):
+            reader = Reader(self, renderer, depsgraph, order)
+            current = reader.read(order.frame)
+            if not len(current.arrays["instance_mesh"]):
+                self._warn(NOTHING_TO_SEE)
+            # Reading an unchanged scene again is cheap, and proves that no edit came between.
+            finished = SESSION.take(order.view, order.recipe, order.frame, current.content_hash)
+            scenes = [] if finished else reader.look_around(current)
         return Work(renderer, order, time.perf_counter() - started, finished, scenes)
 
     def _deliver(self, work: Work) -> None:
@@ -202,29 +216,22 @@ class Reader:
             SESSION.export_cache(order.view, ExportCache),
             self._renderer,
             engine.is_stopped,
+            engine.frame_set,
         )
         for warning in exported.warnings:
             engine._warn(warning)
         return exported
 
     def look_around(self, current: ExportedFrame) -> list[ExportedFrame]:
-        """Export every frame that the targets need; `current` is the one that Blender is at.
-
-        `frame_set` moves the user's scene too, and Blender would name the file after where it ends:
-        it is put back whatever happens.
-        """
+        """Export every frame that the targets need; `current` is the one that Blender was at."""
         engine, order = self._engine, self._order
         frames = session.frames_needed(self._renderer, order)
         exported = {order.frame: current}
-        try:
-            for frame in frames:
-                if frame not in exported:
-                    engine.update_stats("", f"Frame {order.frame} | Reading frame {frame}")
-                    engine.frame_set(frame, order.subframe)
-                    exported[frame] = self.read(frame)
-        finally:
-            if frames != [order.frame]:
-                engine.frame_set(order.frame, order.subframe)
+        for frame in frames:
+            if frame not in exported:
+                engine.update_stats("", f"Frame {order.frame} | Reading frame {frame}")
+                engine.frame_set(frame, order.subframe)
+                exported[frame] = self.read(frame)
         return [exported[frame] for frame in frames]
 
 
@@ -324,8 +331,6 @@ def is_single_frame_job() -> bool:
 
 def unsupported(scene: bpy.types.Scene) -> Iterator[str]:
     """Name the render settings that DualCone does not follow."""
-    if scene.render.use_motion_blur:
-        yield "Motion Blur is not rendered yet"
     if scene.render.use_multiview:
         yield "Stereoscopy is not rendered yet: every view shows the same picture"
 

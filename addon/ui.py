@@ -203,6 +203,71 @@ class DUALCONE_PT_film(RenderPanel, bpy.types.Panel):
         width.prop(settings, "filter_width")
 
 
+class DUALCONE_PT_motion_blur(RenderPanel, bpy.types.Panel):
+    """When the shutter is open: Blender's own settings, which Cycles reads too."""
+
+    bl_label = "Motion Blur"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Draw the switch."""
+        self.layout.prop(context.scene.render, "use_motion_blur", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the settings."""
+        layout = labelled_rows(self)
+        render = context.scene.render
+        layout.active = render.use_motion_blur
+        layout.prop(render, "motion_blur_position", text="Position")
+        layout.prop(render, "motion_blur_shutter")
+
+
+class DUALCONE_PT_motion_blur_curve(RenderPanel, bpy.types.Panel):
+    """How the shutter opens and closes."""
+
+    bl_label = "Shutter Curve"
+    bl_parent_id = "DUALCONE_PT_motion_blur"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the curve."""
+        render = context.scene.render
+        self.layout.active = render.use_motion_blur
+        self.layout.template_curve_mapping(render, "motion_blur_shutter_curve")
+
+
+class DUALCONE_PT_object_motion_blur(bpy.types.Panel):
+    """Motion blur of one object or camera. The settings belong to Cycles."""
+
+    bl_label = "Motion Blur"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "object"
+    bl_options = {"DEFAULT_CLOSED"}
+    COMPAT_ENGINES = {ENGINE}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Show for what may be blurred, where Cycles is enabled: otherwise all is blurred."""
+        return context.engine in cls.COMPAT_ENGINES and hasattr(context.object, "cycles")
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        """Draw the object's switch."""
+        blurred: Any = context.object
+        self.layout.active = context.scene.render.use_motion_blur
+        self.layout.prop(blurred.cycles, "use_motion_blur", text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the object's settings."""
+        layout = labelled_rows(self)
+        blurred: Any = context.object
+        settings = blurred.cycles
+        layout.active = context.scene.render.use_motion_blur and settings.use_motion_blur
+        layout.prop(settings, "motion_steps", text="Steps")
+        if blurred.type != "CAMERA":
+            layout.prop(settings, "use_deform_motion", text="Deformation")
+
+
 class DUALCONE_PT_performance(RenderPanel, bpy.types.Panel):
     """Threads."""
 
@@ -245,6 +310,9 @@ CLASSES = (
     DUALCONE_PT_reuse,
     DUALCONE_PT_light_paths,
     DUALCONE_PT_film,
+    DUALCONE_PT_motion_blur,
+    DUALCONE_PT_motion_blur_curve,
+    DUALCONE_PT_object_motion_blur,
     DUALCONE_PT_performance,
     DUALCONE_PT_passes,
 )

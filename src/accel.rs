@@ -6,10 +6,10 @@
 
 use std::collections::HashMap;
 
-use glam::{Affine3A, Vec3A};
+use glam::{Affine3A, BVec3A, Vec3A};
 use rayon::prelude::*;
 
-use crate::kernel::{InstanceBvh, TriangleHit};
+use crate::kernel::{InstanceBvh, TriangleBvh, TriangleHit};
 use crate::math::Ray;
 use crate::scene::{Instance, Mesh, SceneFrame};
 
@@ -53,14 +53,14 @@ impl Accel {
         let earlier = before.map_or_else(|| vec![None; frame.meshes.len()], |b| earlier(frame, b));
         let meshes = frame.meshes.par_iter().zip(earlier);
         meshes.for_each(|(mesh, earlier)| {
-            mesh.bvh_after(earlier);
+            mesh.bvhs_after(earlier);
         });
         let boxes: Vec<_> = (0u32..)
             .zip(&frame.instances)
             .map(|(index, instance)| {
-                let bounds = frame.mesh_of(index).bvh().bounds();
+                let bounds = frame.mesh_of(index).bounds();
                 bounds.map_or((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |bounds| {
-                    world_bounds(instance.world_from_object, bounds)
+                    bounds_of(instance, bounds)
                 })
             })
             .collect();
@@ -89,8 +89,7 @@ impl Accel {
     ) -> Option<Hit> {
         let mut best: Option<Hit> = None;
         self.instances.closest(ray, |index, t_max| {
-            let ray = object_ray(&frame.instances[index as usize], ray, t_max);
-            let bvh = frame.mesh_of(index).bvh();
+            let (bvh, ray) = on_instance(frame, index, ray, t_max);
             let hit = bvh.closest_hit_where(&ray, |hit| accept(&Hit::new(index, hit)))?;
             if best.is_some_and(|best| (best.t, best.instance) < (hit.t, index)) {
                 return None;
@@ -114,8 +113,7 @@ impl Accel {
         mut accept: impl FnMut(&Hit) -> bool,
     ) -> bool {
         self.instances.any(ray, |index| {
-            let ray = object_ray(&frame.instances[index as usize], ray, ray.t_max);
-            let bvh = frame.mesh_of(index).bvh();
+            let (bvh, ray) = on_instance(frame, index, ray, ray.t_max);
             bvh.occluded_where(&ray, |hit| accept(&Hit::new(index, hit)))
         })
     }
@@ -133,14 +131,37 @@ fn earlier<'a>(frame: &SceneFrame, before: &'a SceneFrame) -> Vec<Option<&'a Mes
     earlier
 }
 
-fn object_ray(instance: &Instance, ray: &Ray, t_max: f32) -> Ray {
-    let object_from_world = &instance.object_from_world;
-    Ray {
+/// The tree that a ray meets at an instance, and the ray as that tree wants it.
+fn on_instance<'a>(
+    frame: &'a SceneFrame,
+    index: u32,
+    ray: &Ray,
+    t_max: f32,
+) -> (&'a TriangleBvh, Ray) {
+    let (bvh, time) = frame.mesh_of(index).bvh_at(ray.time);
+    let placement = frame.instances[index as usize].placement_at(ray.time);
+    let object_from_world = &placement.object_from_world;
+    let ray = Ray {
         origin: object_from_world.transform_point3a(ray.origin),
         direction: object_from_world.transform_vector3a(ray.direction),
         t_min: ray.t_min,
         t_max,
-    }
+        time,
+    };
+    (bvh, ray)
+}
+
+/// The box around an instance whose mesh fills a box, wherever it is while the shutter is open.
+fn bounds_of(instance: &Instance, (lower, upper): (Vec3A, Vec3A)) -> (Vec3A, Vec3A) {
+    let Some(motion) = &instance.motion else {
+        return world_bounds(instance.placement.world_from_object, (lower, upper));
+    };
+    let corners = std::array::from_fn(|corner| {
+        let is_upper = [1, 2, 4].map(|bit| corner & bit != 0);
+        Vec3A::select(BVec3A::from_array(is_upper), upper, lower)
+    });
+    let (low, high) = motion.bounds(corners);
+    world_bounds(Affine3A::IDENTITY, (low, high))
 }
 
 /// The box around a placed box.
@@ -163,9 +184,9 @@ fn world_bounds(world_from_object: Affine3A, (lower, upper): (Vec3A, Vec3A)) -> 
 mod tests {
     use super::*;
     use crate::contract::{Given, Numbers};
-    use crate::kernel::TriangleBvh;
+    use crate::kernel::Positions;
     use crate::math::statistics::Random;
-    use crate::scene::{Reach, Visibility, World};
+    use crate::scene::{Placement, Reach, Shutter, Trajectory, Visibility, World};
     use glam::{EulerRot, Mat3A, Quat, Vec3};
     use std::sync::Arc;
 
@@ -209,13 +230,11 @@ mod tests {
     }
 
     fn instance(mesh: u32, world_from_object: Affine3A) -> Instance {
-        let object_from_world = world_from_object.inverse();
         Instance {
             mesh,
             key: 0,
-            world_from_object,
-            object_from_world,
-            world_from_normal: object_from_world.matrix3.transpose(),
+            placement: Placement::new(world_from_object),
+            motion: None,
             info: crate::shader::ObjectInfo::default(),
             materials: vec![],
             visibility: Visibility::ALL,
@@ -247,6 +266,7 @@ mod tests {
             images: vec![],
             lights: vec![],
             camera: crate::testing::camera(Vec3::ZERO, Vec3::Y, 1.0),
+            shutter: Shutter::default(),
             world: World {
                 radiance: Vec3A::ZERO,
                 image: None,
@@ -263,7 +283,8 @@ mod tests {
         for (index, instance) in (0u32..).zip(&frame.instances) {
             let mesh = frame.mesh_of(index);
             for triangle in 0..mesh.triangles.len() as u32 {
-                let place = |p| Vec3::from(instance.world_from_object.transform_point3a(p));
+                let place =
+                    |p| Vec3::from(instance.placement.world_from_object.transform_point3a(p));
                 positions.extend(mesh.corners(triangle).map(place));
                 names.push((index, triangle));
             }
@@ -271,7 +292,10 @@ mod tests {
         let triangles: Vec<_> = (0..names.len() as u32)
             .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
             .collect();
-        (TriangleBvh::build(&positions, &triangles), names)
+        (
+            TriangleBvh::build(Positions::still(&positions), &triangles),
+            names,
+        )
     }
 
     #[test]
@@ -321,6 +345,7 @@ mod tests {
             images: vec![],
             lights: vec![],
             camera: frame.camera,
+            shutter: Shutter::default(),
             world: frame.world.clone(),
         }
     }
@@ -334,8 +359,13 @@ mod tests {
         let refitted = Accel::build(&second, Some(&first));
         let third = bent(&first);
         let built = Accel::build(&third, None);
-        let tree_of =
-            |frame: &SceneFrame| frame.meshes[0].bvh().leaf_triangles().collect::<Vec<_>>();
+        let tree_of = |frame: &SceneFrame| {
+            frame.meshes[0]
+                .bvh_at(0.5)
+                .0
+                .leaf_triangles()
+                .collect::<Vec<_>>()
+        };
         assert_eq!(
             tree_of(&second),
             tree_of(&first),
@@ -348,6 +378,71 @@ mod tests {
             let hit = refitted.closest_hit(&second, &ray);
             assert_eq!(hit, built.closest_hit(&third, &ray));
             hits += usize::from(hit.is_some());
+        }
+        assert!(hits > 200, "{hits}");
+    }
+
+    /// The frame with its meshes bent and its instances moved while the shutter is open.
+    fn in_motion(frame: &SceneFrame, random: &mut Random) -> SceneFrame {
+        let bent = bent(frame);
+        let middle = frame.meshes.iter().zip(&bent.meshes).map(|(mesh, bent)| {
+            let times = [mesh, bent, mesh].map(|m| m.vertices.to_vec()).concat();
+            let numbers: Vec<f32> = times.iter().flat_map(Vec3::to_array).collect();
+            let given = Given {
+                name: "motion_vertices".into(),
+                shape: vec![3, mesh.vertices.len(), 3],
+                numbers: Numbers::F32(&numbers),
+            };
+            mesh.moving(vec![given])
+                .map_or_else(|_| mesh.clone(), Arc::new)
+        });
+        let meshes = middle.collect();
+        let mut moving = SceneFrame { meshes, ..bent };
+        for instance in moving.instances.iter_mut().step_by(2) {
+            let start = instance.placement.world_from_object;
+            let turn = Quat::from_scaled_axis(point(random) * 1.5);
+            let end = Affine3A::from_rotation_translation(turn, point(random)) * start;
+            instance.motion = Trajectory::new(&[start, end]);
+        }
+        moving
+    }
+
+    /// What a moving frame shows at a time, standing still.
+    fn frozen(moving: &SceneFrame, time: f32) -> SceneFrame {
+        let still = |mesh: &Arc<Mesh>| {
+            let triangles = 0..mesh.triangles.len() as u32;
+            let corners = triangles.flat_map(|triangle| mesh.corners_at(triangle, time));
+            let vertices: Vec<f32> = corners.flat_map(|corner| corner.to_array()).collect();
+            Arc::new(mesh_of(&vertices))
+        };
+        let mut frozen = bent(moving);
+        frozen.meshes = moving.meshes.iter().map(still).collect();
+        for instance in &mut frozen.instances {
+            instance.placement = *instance.placement_at(time);
+            instance.motion = None;
+        }
+        frozen
+    }
+
+    #[test]
+    fn what_moves_is_hit_as_if_it_stood_still_where_it_is() {
+        let mut random = Random::new(5);
+        let moving = in_motion(&frame(&mut random), &mut random);
+        let accel = Accel::build(&moving, None);
+        let mut hits = 0;
+        for i in 0..20 {
+            let time = i as f32 / 19.0;
+            let still = frozen(&moving, time);
+            let twin = Accel::build(&still, None);
+            for _ in 0..200 {
+                let origin = point(&mut random) * 7.0;
+                let target = point(&mut random) * 4.0;
+                let ray = Ray::new(origin.into(), (target - origin).into()).at_time(time);
+                let hit = accel.closest_hit(&moving, &ray);
+                assert_eq!(hit, twin.closest_hit(&still, &ray), "{time}");
+                assert_eq!(accel.occluded(&moving, &ray), hit.is_some());
+                hits += usize::from(hit.is_some());
+            }
         }
         assert!(hits > 200, "{hits}");
     }

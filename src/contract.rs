@@ -4,7 +4,8 @@
 //!
 //! Shapes use letters for lengths that a caller chooses: V vertices, T triangles, I instances,
 //! S material slots, M materials, N instructions, P operands, K constants, Q rows of tables,
-//! A layers, L lights, H x W pixels.
+//! A layers, L lights, H x W pixels, J moving instances, R placements of them, Y times while the
+//! shutter is open, U parts of its time.
 
 use crate::error::{Error, Result};
 
@@ -113,6 +114,15 @@ pub const MESH: &[ArraySpec] = &[
     ),
 ];
 
+/// The one array of a mesh that moves: `mesh.moving(motion_vertices)`.
+pub const MESH_MOTION: &[ArraySpec] = &[array(
+    "motion_vertices",
+    F32,
+    &["Y", "V", "3"],
+    "m, object",
+    "Positions at equal steps of the shutter's time, its two ends included.",
+)];
+
 /// The one array of an image: `dualcone.Image(pixels)`.
 pub const IMAGE: &[ArraySpec] = &[array(
     "pixels",
@@ -144,6 +154,27 @@ pub const FRAME: &[ArraySpec] = &[
         &["I", "3", "4"],
         "m, world from object",
         "Placement of each instance.",
+    ),
+    array(
+        "motion_instances",
+        U32,
+        &["J"],
+        "instance",
+        "The instances that move while the shutter is open, in rising order.",
+    ),
+    array(
+        "motion_spans",
+        U32,
+        &["J", "2"],
+        "placement",
+        "First entry in `motion_placements` and number of entries of each of them, two at least.",
+    ),
+    array(
+        "motion_placements",
+        F32,
+        &["R", "3", "4"],
+        "m, world from object",
+        "Placements at equal steps of the shutter's time, its two ends included, concatenated.",
     ),
     array(
         "instance_color",
@@ -333,6 +364,27 @@ pub const FRAME: &[ArraySpec] = &[
         &["5"],
         "m, m, 1, rad, 1",
         "Aperture radius (0 for no depth of field), focus distance, blades, their rotation, height of the aperture over its width.",
+    ),
+    array(
+        "camera_motion",
+        F32,
+        &["Y", "3", "4"],
+        "m, world from camera",
+        "Placements of the camera at equal steps of the shutter's time, its two ends included; none where it stands still.",
+    ),
+    array(
+        "camera_motion_clip",
+        F32,
+        &["Y", "4", "4"],
+        "clip from camera",
+        "Projections at the same times.",
+    ),
+    array(
+        "shutter_curve",
+        F32,
+        &["U"],
+        "1",
+        "Share of the light that the shutter lets in, in equal parts of its time; none where it is the same throughout.",
     ),
     array(
         "world_radiance",

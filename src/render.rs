@@ -14,7 +14,7 @@ use crate::progress::{Phase, Progress};
 use crate::reuse::{
     Estimator, LightTree, View, WithEstimator, lenders, window_frames, with_estimator,
 };
-use crate::sampling::LightSampler;
+use crate::sampling::{LightSampler, ShutterTimes};
 use crate::scene::{FrameWindow, Instance, SceneFrame, Visibility};
 
 /// Stack of a tracing thread: paths recurse once per bounce, and the limit may be set to 1024.
@@ -91,6 +91,7 @@ struct Prepared {
     accel: Accel,
     lights: LightSampler,
     light_tree: Arc<LightTree>,
+    shutter: ShutterTimes,
     see_through: Vec<bool>,
     scene_size: f32,
 }
@@ -112,6 +113,7 @@ impl Prepared {
         Self {
             light_tree,
             lights,
+            shutter: ShutterTimes::of(frame),
             see_through: see_through(frame),
             scene_size: (upper - lower).length(),
             accel,
@@ -167,6 +169,7 @@ fn prepare_and_run(job: &Job, progress: &Progress) -> Result<Vec<Rendered>> {
             window: &window,
             region,
             filter: &filter,
+            shutter: &prepared.shutter,
             light_tree: &prepared.light_tree,
             scene_size: prepared.scene_size,
             progress,

@@ -26,6 +26,8 @@ pub struct Surface {
     pub emission: Vec3A,
     /// Distance along the ray.
     pub distance: f32,
+    /// When the ray found it: the share of the shutter's time that has passed.
+    pub time: f32,
     /// Height [m] above the triangle below which a ray may meet it again.
     clearance: f32,
 }
@@ -40,7 +42,7 @@ impl Surface {
     pub fn ray_towards(&self, direction: Vec3A) -> Ray {
         let out = facing(self.geometric_normal, direction);
         let origin = offset_origin(self.position + self.clearance * out, out);
-        Ray::new(origin, direction)
+        Ray::new(origin, direction).at_time(self.time)
     }
 
     /// The same surface, if nothing came from it.
@@ -77,7 +79,7 @@ fn facing(normal: Vec3A, direction: Vec3A) -> Vec3A {
 
 /// The surface that `ray` meets at `hit`.
 pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
-    let facet = Facet::new(frame, hit.instance, hit.triangle);
+    let facet = Facet::new(frame, hit.instance, hit.triangle, ray.time);
     let point = point_of(&facet, hit, ray, info);
     let [one, other] = point.edges.map(Vec3A::abs);
     // Filled in place: a surface is large to copy.
@@ -89,6 +91,7 @@ pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
         bsdf: Bsdf::new(point.geometric_normal, point.incoming, !point.is_back),
         emission: Vec3A::ZERO,
         distance: hit.t,
+        time: ray.time,
         clearance: CLEARANCE * one.max(other).max_element(),
     };
     surface.emission = shade(frame, hit, &point, &mut surface.bsdf);
@@ -245,7 +248,7 @@ pub fn opacity(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> f32 
     if !material.is_see_through() {
         return 1.0;
     }
-    let facet = Facet::new(frame, hit.instance, hit.triangle);
+    let facet = Facet::new(frame, hit.instance, hit.triangle, ray.time);
     opacity_of(frame, material, &point_of(&facet, hit, ray, info))
 }
 

@@ -10,8 +10,8 @@ use crate::film::Region;
 use crate::progress::Progress;
 use crate::render::{Job, Rendered, render};
 use crate::scene::{
-    Camera, Extension, Image, Instance, Interpolation, Lens, Light, Material, Mesh, Projection,
-    Reach, SceneFrame, Visibility, World,
+    Camera, Extension, Image, Instance, Interpolation, Lens, Light, Material, Mesh, Placement,
+    Projection, Reach, SceneFrame, Shutter, Visibility, World,
 };
 use crate::shader::ObjectInfo;
 
@@ -29,6 +29,7 @@ pub(crate) struct Scene {
     pub(crate) lights: Vec<Light>,
     pub(crate) world: World,
     pub(crate) camera: Camera,
+    pub(crate) shutter: Shutter,
 }
 
 impl Scene {
@@ -41,18 +42,17 @@ impl Scene {
             lights: Vec::new(),
             world: plain_world(1.0),
             camera: camera(Vec3::ZERO, Vec3::Y, 0.7),
+            shutter: Shutter::default(),
         }
     }
 
     /// Places a mesh with a material of its own; returns the instance's number.
     pub(crate) fn add(&mut self, mesh: Mesh, placement: Affine3A, material: Material) -> usize {
-        let object_from_world = placement.inverse();
         self.instances.push(Instance {
             mesh: self.meshes.len() as u32,
             key: self.instances.len() as u64,
-            world_from_object: placement,
-            object_from_world,
-            world_from_normal: object_from_world.matrix3.transpose(),
+            placement: Placement::new(placement),
+            motion: None,
             info: ObjectInfo::default(),
             materials: vec![self.materials.len() as u32],
             visibility: Visibility::ALL,
@@ -73,6 +73,7 @@ impl Scene {
             images: Vec::new(),
             lights: self.lights.clone(),
             camera: self.camera,
+            shutter: self.shutter.clone(),
             world: self.world.clone(),
         })
     }

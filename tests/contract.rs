@@ -6,7 +6,7 @@
 use std::{env, fs, path::Path};
 
 use dualcone::contract::{
-    ArraySpec, FRAME, IMAGE, Kind, MESH, PASSES, PassSpec, SETTINGS, SettingSpec,
+    ArraySpec, FRAME, IMAGE, Kind, MESH, MESH_MOTION, PASSES, PassSpec, SETTINGS, SettingSpec,
 };
 
 const PAGE: &str = "docs/contract.md";
@@ -18,7 +18,9 @@ Rendered from the tables in `src/contract.rs` by `tests/contract.rs`; change the
 `UPDATE=1 cargo test --test contract`.
 
 Letters in a shape are lengths that the caller chooses: V vertices, T triangles, I instances,
-S material slots, C closures, M materials, L lights, H x W pixels. The world's Z is up, matrices
+S material slots, C closures, M materials, L lights, H x W pixels, J moving instances, R placements of
+them, Y times while the shutter is open, U parts of its time. Everything that does not say so is given
+for the middle of that time, the frame's own. The world's Z is up, matrices
 multiply column vectors from the left, and colours are scene linear. Arrays are C-contiguous.
 ";
 
@@ -101,6 +103,7 @@ fn page() -> String {
     [
         INTRODUCTION.to_owned(),
         arrays("Mesh", MESH),
+        arrays("Mesh motion", MESH_MOTION),
         arrays("Image", IMAGE),
         arrays("Frame", FRAME),
         settings(SETTINGS),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import bpy
@@ -123,6 +123,20 @@ class ExportCache:
             if np.allclose(mesh.corner_uvs, corner_uvs, rtol=0.0, atol=UV_NOISE):
                 return mesh
         return None
+
+    def changed(self, depsgraph: bpy.types.Depsgraph) -> set[int]:
+        """Return the `session_uid` of each object evaluated anew since `begin_frame`."""
+        return self._changes.so_far(depsgraph)
+
+    def moving(self, mesh: CachedMesh, digest: bytes, positions: np.ndarray) -> CachedMesh:
+        """Return a mesh in motion, with positions (Y, V, 3); `digest` is of both."""
+        cached = self.meshes.get(digest)
+        if cached is None:
+            handle = mesh.handle.moving(positions)
+            cached = replace(mesh, handle=handle, digest=digest, form=digest)
+            self.add(cached)
+        self._last_use[digest] = self.statistics.frames
+        return cached
 
     def _drop(self, digest: bytes) -> None:
         del self._last_use[digest]

@@ -36,7 +36,25 @@ def export_camera(
     width, height = resolution
     if width < 1 or height < 1:
         raise ExportError(f"Scene '{scene.name}' has no pixels to render: {width} x {height}")
+    matrices = camera_matrices(camera, depsgraph, resolution)
     render = scene.render
+    aspect = (width * render.pixel_aspect_x) / (height * render.pixel_aspect_y)
+    kind, panorama = _panorama(camera.data, aspect)
+    return {
+        **matrices,
+        "camera_clip": np.array([camera.data.clip_start, camera.data.clip_end], np.float32),
+        "camera_kind": np.array(kind, np.uint32),
+        "camera_panorama": panorama,
+        "camera_lens": np.array(_lens(camera, depsgraph), np.float32),
+    }
+
+
+def camera_matrices(
+    camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph, resolution: tuple[int, int]
+) -> dict[str, np.ndarray]:
+    """`world_from_camera` and `clip_from_camera` of an evaluated camera. Raises ExportError."""
+    render = depsgraph.scene.render
+    width, height = resolution
     clip_from_camera = camera.calc_matrix_camera(
         depsgraph,
         x=width,
@@ -47,15 +65,9 @@ def export_camera(
     placement = without_scale(camera.matrix_world)
     if placement is None:
         raise ExportError(f"Camera '{camera.name}' has a scale of zero: clear its scale")
-    aspect = (width * render.pixel_aspect_x) / (height * render.pixel_aspect_y)
-    kind, panorama = _panorama(camera.data, aspect)
     return {
         "world_from_camera": matrix_3x4(placement),
         "clip_from_camera": np.array(clip_from_camera, np.float32, order="C"),
-        "camera_clip": np.array([camera.data.clip_start, camera.data.clip_end], np.float32),
-        "camera_kind": np.array(kind, np.uint32),
-        "camera_panorama": panorama,
-        "camera_lens": np.array(_lens(camera, placement, depsgraph), np.float32),
     }
 
 
@@ -67,15 +79,11 @@ def _check(camera: bpy.types.Object, scene: bpy.types.Scene, warnings: Warnings)
             f"Camera '{camera.name}' is of type {kind.title()}: only perspective, orthographic and "
             "panoramic cameras are rendered (Camera properties, Lens, Type)"
         )
-    if scene.render.use_motion_blur:
-        warnings.not_rendered(scene.name, "Motion blur")
     if scene.render.use_multiview:
         warnings.not_rendered(scene.name, "Stereoscopy")
 
 
-def _lens(
-    camera: bpy.types.Object, placement: Any, depsgraph: bpy.types.Depsgraph
-) -> tuple[float, ...]:
+def _lens(camera: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[float, ...]:
     """`camera_lens`: radius of the aperture [m], focus distance [m], blades, rotation, ratio."""
     data = camera.data
     dof = data.dof
@@ -86,7 +94,7 @@ def _lens(
     radius = focal_length / (2.0 * max(dof.aperture_fstop, 1e-5))
     distance = dof.focus_distance
     if dof.focus_object is not None:
-        distance = _distance_to(dof, placement, depsgraph)
+        distance = _distance_to(dof, camera.matrix_world, depsgraph)
     blades = float(dof.aperture_blades)
     # At the camera itself nothing is in focus; the renderer wants a distance.
     return radius, max(distance, 1e-5), blades, dof.aperture_rotation, dof.aperture_ratio

@@ -40,6 +40,11 @@ class Changes:
         self._changed = {depsgraph.as_pointer(): set()}
         return changed
 
+    def so_far(self, depsgraph: bpy.types.Depsgraph) -> set[int]:
+        """Return what the next `take` will, without forgetting it."""
+        self.collect(depsgraph)
+        return self._changed.get(depsgraph.as_pointer(), set())
+
     def collect(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Note what the latest evaluation changed."""
         changed = self._changed.get(depsgraph.as_pointer())

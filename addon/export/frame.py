@@ -17,7 +17,9 @@ from .image import ImageTable
 from .instance import InstanceTable
 from .light import LightTable
 from .material import MaterialTable
+from .motion import MotionTable, still_arrays
 from .report import Warnings
+from .shutter import SetTime, read_shutter, set_time
 from .simulation import warn_of_unbaked
 from .world import export_world
 
@@ -43,25 +45,37 @@ def export_frame(
     cache: ExportCache,
     core: Any,
     should_stop: Callable[[], bool],
+    move: SetTime | None = None,
 ) -> ExportedFrame:
     """Export the scene as it is evaluated now; moving it to `frame` is the caller's business.
 
     `resolution` is the whole frame in pixels, before any border. `core` is the compiled module.
+    `move` moves the scene to a frame and subframe; motion blur needs it, and does not go back.
     Raises ExportError with a message for the user, ExportStopped once `should_stop()` is true.
     """
     started = perf_counter()
     warnings = Warnings()
+    time = frame + depsgraph.scene.frame_subframe
+    shutter = read_shutter(depsgraph.scene, warnings) if move else None
+    if move and shutter and shutter.middle:
+        time += shutter.middle
+        set_time(move, time)
     arrays = export_camera(depsgraph, resolution, warnings)
     images = ImageTable(cache, core, warnings)
     materials = MaterialTable(depsgraph, cache, core, images, warnings)
     lights = LightTable(warnings)
-    instances = InstanceTable(depsgraph, cache, core, materials, lights, warnings, should_stop)
+    instances = InstanceTable(
+        depsgraph, cache, core, materials, lights, warnings, should_stop, shutter is not None
+    )
     cache.begin_frame(depsgraph)
     instances.read()
     world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
-    arrays |= instances.arrays() | materials.arrays() | lights.arrays()
-    time = frame + depsgraph.scene.frame_subframe
+    arrays |= instances.arrays() | materials.arrays() | lights.arrays() | still_arrays()
     arrays |= export_world(world, images, time, warnings, should_stop).arrays()
+    if move and shutter:
+        motion = MotionTable(depsgraph, cache, instances, arrays, resolution, should_stop)
+        motion.read(shutter, time, move)
+        arrays |= motion.arrays() | {"shutter_curve": shutter.curve}
     warn_of_unbaked(depsgraph, warnings)
     parts = [mesh.digest for mesh in instances.meshes] + [image.digest for image in images.used]
     seconds = perf_counter() - started

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from array import array
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import bpy
@@ -14,9 +16,10 @@ import numpy as np
 from .cache import CachedMesh, ExportCache
 from .light import LightTable
 from .material import MaterialTable
-from .mesh import NotFinite, load_mesh, load_surface
+from .mesh import NotFinite, load_mesh, load_surface, mesh_positions
 from .points import placements, read_points, unit_ball
 from .report import ExportStopped, Warnings
+from .shutter import Times, motion_steps, motion_times
 from .strands import (
     Strands,
     Surface,
@@ -53,6 +56,21 @@ class Shape:
     balls: tuple[np.ndarray, np.ndarray] | None = None
     # Whether it is the hair of a particle system, which shows even where its emitter does not.
     is_hair: bool = False
+    # Reads the vertices (V, 3) anew once the object is evaluated at another time.
+    positions: Callable[[Any], np.ndarray | None] | None = None
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Instances that came of one item of the scene: one, or the balls of a point cloud."""
+
+    shape: Shape
+    # The first of them, and how many there are.
+    row: int
+    count: int
+    # When they are looked at, for motion blur; empty for none.
+    times: Times
+    is_deforming: bool
 
 
 @dataclass(frozen=True)
@@ -74,6 +92,7 @@ class InstanceTable:
     lights: LightTable
     warnings: Warnings
     should_stop: Callable[[], bool]
+    is_blurred: bool = False
     meshes: list[CachedMesh] = field(default_factory=list)
     _mesh_rows: dict[bytes, int] = field(default_factory=dict)
     _shapes: dict[tuple[int, int], list[Shape]] = field(default_factory=dict)
@@ -81,12 +100,16 @@ class InstanceTable:
     _slot_materials: list[int] = field(default_factory=list)
     _names: dict[int, bytes] = field(default_factory=dict)
     _keys: dict[int, None] = field(default_factory=dict)
+    # Of the instances in the order of `_placed`: those of the arrays.
+    keep: np.ndarray = field(default_factory=lambda: np.empty(0, bool))
     _placed: list[Shape] = field(default_factory=list)
     _matrices: array = field(default_factory=lambda: array("f"))
     _colors: array = field(default_factory=lambda: array("f"))
     _infos: array = field(default_factory=lambda: array("f"))
     _seen: list[Seen] = field(default_factory=list)
     _seen_by: dict[tuple[int, int], Seen] = field(default_factory=dict)
+    # What was placed for the items of each key, in their order, if there is motion blur.
+    _visits: dict[int, list[list[Placed]]] = field(default_factory=dict)
 
     def read(self) -> None:
         """Walk the evaluated scene once. Raises ExportStopped.
@@ -94,30 +117,68 @@ class InstanceTable:
         No item of `object_instances` is kept: each is overwritten by the next. Curves, surfaces,
         texts and metaballs appear twice, as themselves and as an instance of type MESH.
         """
+        for item, owner in self._items():
+            if owner.type == "LIGHT" and item.show_self:
+                self.lights.add(owner, item.matrix_world.copy(), self._key(item, owner))
+                continue
+            placed = [
+                self._place(shape, item, owner)
+                for shape in self._shapes_of(owner)
+                if (item.show_particles if shape.is_hair else item.show_self)
+            ]
+            if placed and self.is_blurred:
+                self._visits.setdefault(self._hash(item, owner), []).append(placed)
+
+    def visit_again(self) -> Iterator[tuple[Any, Any, list[Placed]]]:
+        """Walk the scene at another time: items, their objects, and what `read` placed for them."""
+        visited: Counter[int] = Counter()
+        for item, owner in self._items():
+            key = self._hash(item, owner)
+            visits = self._visits.get(key, [])
+            if visited[key] < len(visits):
+                yield item, owner, visits[visited[key]]
+            visited[key] += 1
+
+    def placed(self) -> Iterator[Placed]:
+        """All that may move."""
+        for visits in self._visits.values():
+            for placed in visits:
+                yield from placed
+
+    def all_matrices(self) -> np.ndarray:
+        """Where each instance is (I, 3, 4), those included that are left out."""
+        return np.frombuffer(self._matrices, np.float32).reshape(-1, 3, 4)
+
+    def exchange(self, moving: dict[int, CachedMesh]) -> np.ndarray:
+        """Give shapes, by `id`, other meshes; return the new `instance_mesh` of the contract."""
+        meshes, self.meshes = self.meshes, []
+        rows: dict[bytes, int] = {}
+        instance_mesh = np.empty(len(self._placed), np.uint32)
+        for index, shape in enumerate(self._placed):
+            mesh = moving.get(id(shape)) or meshes[shape.mesh]
+            instance_mesh[index] = row = rows.setdefault(mesh.digest, len(self.meshes))
+            if row == len(self.meshes):
+                self.meshes.append(mesh)
+        return instance_mesh[self.keep]
+
+    def _items(self) -> Iterator[tuple[Any, Any]]:
         # The depsgraph of a render leaves out what is hidden; one that a script asked for does not.
         is_viewport = self.depsgraph.mode == "VIEWPORT"
         for count, item in enumerate(self.depsgraph.object_instances):
             if count % STOP_INTERVAL == 0 and self.should_stop():
                 raise ExportStopped
-            if is_viewport and (item.parent or item.object).hide_render:
-                continue
-            owner = item.object
-            if owner.type == "LIGHT" and item.show_self:
-                self.lights.add(owner, item.matrix_world.copy(), self._key(item, owner))
-                continue
-            for shape in self._shapes_of(owner):
-                if item.show_particles if shape.is_hair else item.show_self:
-                    self._place(shape, item, owner)
+            if not (is_viewport and (item.parent or item.object).hide_render):
+                yield item, item.object
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The `instance_*` arrays, `world_from_object` and `slot_materials` of the contract."""
-        matrices = np.frombuffer(self._matrices, np.float32).reshape(-1, 3, 4)
+        matrices = self.all_matrices()
         singular = is_singular(matrices)
         for row in np.flatnonzero(singular):
             self.warnings.add(
                 self._placed[row].name, "its matrix flattens space, this instance is left out"
             )
-        keep = ~singular
+        self.keep = keep = ~singular
         keys = np.fromiter(self._keys, np.uint64, len(self._placed))
         meshes = np.array([shape.mesh for shape in self._placed], np.uint32)
         slots = np.array([shape.slots for shape in self._placed], np.uint32).reshape(-1, 2)
@@ -133,9 +194,19 @@ class InstanceTable:
             "slot_materials": np.array(self._slot_materials, np.uint32),
         }
 
-    def _place(self, shape: Shape, item: bpy.types.DepsgraphObjectInstance, owner: Any) -> None:
+    def _place(self, shape: Shape, item: bpy.types.DepsgraphObjectInstance, owner: Any) -> Placed:
         key = self._key(item, owner)
         count = 1 if shape.balls is None else len(shape.balls[1])
+        steps, deforms = (0, False)
+        if self.is_blurred:
+            steps, deforms = motion_steps(owner, item.parent if item.is_instance else owner)
+        placed = Placed(
+            shape,
+            len(self._placed),
+            count,
+            motion_times(steps),
+            deforms and shape.positions is not None,
+        )
         self._placed += [shape] * count
         self._keys.update(dict.fromkeys(self._free_keys(key, count)))
         self._seen += [self._seen_of(owner, item.parent if item.is_instance else owner)] * count
@@ -148,6 +219,7 @@ class InstanceTable:
         else:
             matrices = placements(np.array(item.matrix_world, np.float32)[:3], *shape.balls)
             self._matrices.frombytes(matrices.tobytes())
+        return placed
 
     def _free_keys(self, first: int, count: int) -> list[int]:
         """`count` keys from `first` on that nothing has yet."""
@@ -172,14 +244,17 @@ class InstanceTable:
 
     def _key(self, item: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> int:
         """The same number in every frame and session: what it is, and how it came to be."""
+        key = self._hash(item, owner)
+        while key in self._keys:
+            key = (key + 1) % 2**64
+        return key
+
+    def _hash(self, item: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> int:
         content = hashlib.blake2b(self._name(owner), digest_size=8)
         if item.is_instance:
             content.update(self._name(item.parent))
             content.update(array("i", item.persistent_id[:]))
-        key = int.from_bytes(content.digest(), "little")
-        while key in self._keys:
-            key = (key + 1) % 2**64
-        return key
+        return int.from_bytes(content.digest(), "little")
 
     def _name(self, owner: bpy.types.Object) -> bytes:
         original = owner.original
@@ -215,25 +290,44 @@ class InstanceTable:
         rows = self._material_rows(owner)
         layers = frozenset[str]().union(*(self.materials.layers[row] for row in rows))
         mesh = self._mesh(owner, layers)
-        shapes = [] if mesh is None else [self._shape(owner, mesh, rows)]
-        for system in owner.particle_systems:
+        shapes = []
+        if mesh is not None:
+            shapes.append(replace(self._shape(owner, mesh, rows), positions=mesh_positions))
+        for index, system in enumerate(owner.particle_systems):
             if has_hair(system):
-                strands = strands_of_particles(owner, system, self.warnings)
                 slot = min(system.settings.material, len(rows)) - 1
-                hair = self._strand_shapes(owner, strands, rows[max(slot, 0)])
+                read = partial(self._hair_of, index=index)
+                hair = self._strand_shapes(owner, read, rows[max(slot, 0)])
                 shapes += [replace(shape, is_hair=True) for shape in hair]
         return shapes
 
+    def _hair_of(self, owner: bpy.types.Object, index: int) -> Strands | None:
+        return strands_of_particles(owner, owner.particle_systems[index], self.warnings)
+
     def _curves_shapes(self, owner: bpy.types.Object) -> list[Shape]:
-        return self._strand_shapes(
-            owner, strands_of_curves(owner.data), self._material_rows(owner)[0]
-        )
+        def read(curves: bpy.types.Object) -> Strands:
+            return strands_of_curves(curves.data)
+
+        return self._strand_shapes(owner, read, self._material_rows(owner)[0])
 
     def _strand_shapes(
-        self, owner: bpy.types.Object, strands: Strands | None, row: int
+        self, owner: bpy.types.Object, read: Callable[[Any], Strands | None], row: int
     ) -> list[Shape]:
-        surface = strands and tubes(strands, owner.name, self.warnings)
-        return [self._plain_shape(owner, surface, row)] if surface else []
+        """The tubes of the strands that `read` finds."""
+
+        def surface_of(owner: bpy.types.Object, roots: np.ndarray | None) -> Surface | None:
+            strands = read(owner)
+            return tubes(strands, owner.name, self.warnings, roots) if strands else None
+
+        surface = surface_of(owner, None)
+        if surface is None:
+            return []
+
+        def positions(owner: bpy.types.Object) -> np.ndarray | None:
+            again = surface_of(owner, surface.roots)
+            return again and again.vertices
+
+        return [replace(self._plain_shape(owner, surface, row), positions=positions)]
 
     def _point_shapes(self, owner: bpy.types.Object) -> list[Shape]:
         ball = self._plain_shape(owner, unit_ball(), self._material_rows(owner)[0])

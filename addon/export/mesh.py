@@ -128,6 +128,14 @@ def read_faces(mesh: bpy.types.Mesh, wanted: frozenset[str], warn: Callable[[str
     )
 
 
+def mesh_positions(owner: bpy.types.Object) -> np.ndarray | None:
+    """Positions (V, 3) of an object's evaluated mesh; None for one that is being edited."""
+    mesh = owner.data
+    if mesh.is_editmode:
+        return None
+    return _read(mesh.attributes["position"].data, "vector", len(mesh.vertices), 3)
+
+
 def triangle_arrays(mesh: bpy.types.Mesh, faces: Faces) -> dict[str, np.ndarray]:
     """The arrays of the contract's MESH table."""
     mesh.calc_loop_triangles()

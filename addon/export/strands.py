@@ -6,7 +6,7 @@ that turns to the ray and is shaded as if round: from outside a tube looks like 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
@@ -44,6 +44,8 @@ class Surface:
     vertices: np.ndarray  # (V, 3) m, object
     normals: np.ndarray  # (V, 3) unit, object
     triangles: np.ndarray  # (T, 3) vertex
+    # (S, 3) unit, object: across each strand at its root, if it is of strands.
+    roots: np.ndarray = field(default_factory=lambda: np.empty((0, 3), np.float32))
 
 
 def strands_of_curves(data: Any) -> Strands:
@@ -110,8 +112,13 @@ def particle_radii(settings: Any, points: np.ndarray) -> np.ndarray:
     return radii.astype(np.float32)
 
 
-def tubes(strands: Strands, name: str, warnings: Warnings) -> Surface | None:
-    """The tubes of all strands with at least two points; None without any."""
+def tubes(
+    strands: Strands, name: str, warnings: Warnings, roots: np.ndarray | None = None
+) -> Surface | None:
+    """The tubes of all strands with at least two points; None without any.
+
+    `roots` are those of the same strands at another time: tubes do not turn in between.
+    """
     groups = _by_length(strands)
     pieces, sides = PIECES, SIDES
     spans = sum(len(points) * (points.shape[1] - 1) for points, _ in groups)
@@ -120,7 +127,14 @@ def tubes(strands: Strands, name: str, warnings: Warnings) -> Surface | None:
     if (pieces, sides) != (PIECES, SIDES):
         count = spans * pieces * sides * 2
         warnings.add(name, f"its strands are drawn coarsely, with {count} triangles")
-    surfaces = [_tubes(points, radii, pieces, sides) for points, radii in groups]
+    ends = np.cumsum([len(points) for points, _ in groups])
+    if roots is not None and (not groups or len(roots) != ends[-1]):
+        roots = None
+    starts = [None] * len(groups) if roots is None else np.split(roots, ends[:-1])
+    surfaces = [
+        _tubes(points, radii, pieces, sides, start)
+        for (points, radii), start in zip(groups, starts, strict=True)
+    ]
     return _joined(surfaces) if surfaces else None
 
 
@@ -142,13 +156,16 @@ def _joined(surfaces: list[Surface]) -> Surface:
         np.concatenate([s.vertices for s in surfaces]),
         np.concatenate([s.normals for s in surfaces]),
         np.concatenate(triangles).astype(np.uint32),
+        np.concatenate([s.roots for s in surfaces]),
     )
 
 
-def _tubes(points: np.ndarray, radii: np.ndarray, pieces: int, sides: int) -> Surface:
+def _tubes(
+    points: np.ndarray, radii: np.ndarray, pieces: int, sides: int, roots: np.ndarray | None
+) -> Surface:
     line = catmull_rom(np.concatenate([points, radii[..., None]], axis=2), pieces)
     centres, radius = line[..., :3], np.maximum(line[..., 3], 0.0)
-    across, up = frames(centres)
+    across, up = frames(centres, roots)
     angle = 2.0 * np.pi * np.arange(sides) / sides
     # (S, P, sides, 3)
     normals = np.cos(angle)[:, None] * across[:, :, None] + np.sin(angle)[:, None] * up[:, :, None]
@@ -160,6 +177,7 @@ def _tubes(points: np.ndarray, radii: np.ndarray, pieces: int, sides: int) -> Su
         vertices.reshape(-1, 3).astype(np.float32),
         normals.reshape(-1, 3).astype(np.float32),
         _tube_triangles(strands, rings, sides),
+        across[:, 0].astype(np.float32),
     )
 
 
@@ -189,13 +207,16 @@ def catmull_rom(points: np.ndarray, pieces: int) -> np.ndarray:
     return np.concatenate([line, points[:, -1:]], axis=1)
 
 
-def frames(line: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two axes (S, P, 3) across each line (S, P, 3) that turn as little as they can."""
+def frames(line: np.ndarray, roots: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Two axes (S, P, 3) across each line (S, P, 3) that turn as little as they can.
+
+    The first begins near `roots` (S, 3), if there are any.
+    """
     ahead = np.gradient(line, axis=1)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=2, keepdims=True), 1e-20)
     across = np.empty_like(ahead)
     # To start with: the axis of space that the line is most across.
-    reference = np.eye(3)[np.abs(ahead[:, 0]).argmin(axis=1)]
+    reference = np.eye(3)[np.abs(ahead[:, 0]).argmin(axis=1)] if roots is None else roots
     for ring in range(line.shape[1]):
         along = ahead[:, ring]
         reference = reference - (reference * along).sum(axis=1, keepdims=True) * along

@@ -35,6 +35,7 @@ class Contract(TypedDict):
     """All that crosses the boundary. A setting's row has name, label, doc, kind, default, range."""
 
     mesh: list[ArrayRow]
+    mesh_motion: list[ArrayRow]
     image: list[ArrayRow]
     frame: list[ArrayRow]
     settings: list[dict[str, Any]]
@@ -113,6 +114,9 @@ class Mesh:
         layer_values: NDArray[np.float32],
         material_slots: NDArray[np.uint32],
     ) -> Mesh: ...
+    def moving(self, motion_vertices: NDArray[np.float32]) -> Mesh:
+        """The same mesh, which changes its form while the shutter is open."""
+
     @property
     def vertex_count(self) -> int: ...
     @property

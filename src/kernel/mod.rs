@@ -31,4 +31,4 @@ mod wide;
 mod tests;
 
 pub use instances::InstanceBvh;
-pub use triangles::{TriangleBvh, TriangleHit};
+pub use triangles::{Positions, TriangleBvh, TriangleHit};

@@ -87,6 +87,20 @@ impl Packet {
         }
     }
 
+    /// The triangles a share `s` of the way to where they are in `end`.
+    #[inline(always)]
+    pub fn towards(&self, end: &Self, s: f32) -> Self {
+        let mut moved = self.clone();
+        for (vertex, goal) in moved.vertices.iter_mut().zip(&end.vertices) {
+            for (axis, goal) in vertex.iter_mut().zip(goal) {
+                for (place, goal) in axis.iter_mut().zip(goal) {
+                    *place = *place * (1.0 - s) + goal * s;
+                }
+            }
+        }
+        moved
+    }
+
     /// The box around its triangles, without lanes that are NaN.
     pub fn bounds(&self) -> Aabb {
         let all = |axis: usize| self.vertices.iter().flat_map(move |vertex| vertex[axis]);

@@ -2,7 +2,7 @@
 //! and a textbook test in double precision.
 
 use super::{
-    InstanceBvh, TriangleBvh, TriangleHit,
+    InstanceBvh, Positions, TriangleBvh, TriangleHit,
     shear::{Shear, exact_edges},
     simd::{Job, Portable},
     triangles::{Any, Closest},
@@ -60,7 +60,7 @@ fn meet(shear: &Shear, triangle: u32, corners: [Vec3; 3], t_max: f32) -> Option<
 
 impl Mesh {
     fn build(&self) -> TriangleBvh {
-        TriangleBvh::build(&self.positions, &self.triangles)
+        TriangleBvh::build(Positions::still(&self.positions), &self.triangles)
     }
 
     fn corners(&self, triangle: usize) -> [Vec3; 3] {
@@ -166,6 +166,7 @@ fn rays(mesh: &Mesh, scale: f32, count: usize, random: &mut Random) -> Vec<Ray> 
             } else {
                 f32::INFINITY
             },
+            time: random.next(),
         }
     };
     (0..count).map(|i| ray(i, random)).collect()
@@ -384,11 +385,14 @@ fn refused_hits_do_not_count() {
 #[test]
 fn meshes_without_area_are_never_hit() {
     let ray = Ray::new(Vec3A::splat(-1.0), Vec3A::ONE);
-    let empty = TriangleBvh::build(&[], &[]);
+    let empty = TriangleBvh::build(Positions::still(&[]), &[]);
     assert!(empty.closest_hit(&ray).is_none() && !empty.occluded(&ray));
     assert!(empty.bounds().is_none());
     let points = [Vec3::ZERO, Vec3::ONE, Vec3::ONE * 2.0, Vec3::NAN];
-    let flat = TriangleBvh::build(&points, &[[0, 0, 0], [0, 1, 1], [0, 1, 2], [0, 1, 3]]);
+    let flat = TriangleBvh::build(
+        Positions::still(&points),
+        &[[0, 0, 0], [0, 1, 1], [0, 1, 2], [0, 1, 3]],
+    );
     assert!(flat.closest_hit(&ray).is_none() && !flat.occluded(&ray));
     assert!(flat.bounds().is_none());
 }
@@ -482,7 +486,7 @@ fn refitted_trees_have_the_hits_of_the_twin() {
         for position in &mut mesh.positions {
             *position += amount * point(&mut random);
         }
-        bvh.refitted(&mesh.positions, &mesh.triangles)
+        bvh.refitted(Positions::still(&mesh.positions), &mesh.triangles)
     };
     let shape = |bvh: &TriangleBvh| -> Vec<u32> { bvh.leaf_triangles().collect() };
 
@@ -495,7 +499,7 @@ fn refitted_trees_have_the_hits_of_the_twin() {
     assert_eq!(shape(&flattened), shape(&bvh));
     assert_tree_twins(&flattened, &mesh, &rays);
     mesh.positions[7] = Vec3::splat(0.3);
-    let risen = flattened.refitted(&mesh.positions, &mesh.triangles);
+    let risen = flattened.refitted(Positions::still(&mesh.positions), &mesh.triangles);
     assert_tree_twins(&risen, &mesh, &rays);
 
     // Where the old tree would be bad, and where it lacks a triangle, there is a new one.
@@ -507,5 +511,38 @@ fn refitted_trees_have_the_hits_of_the_twin() {
     assert_tree_twins(&moved(&mut mesh, 0.0), &mesh, &rays);
 
     let nothing = vec![Vec3::ZERO; mesh.positions.len()];
-    assert!(bvh.refitted(&nothing, &mesh.triangles).bounds().is_none());
+    assert!(
+        bvh.refitted(Positions::still(&nothing), &mesh.triangles)
+            .bounds()
+            .is_none()
+    );
+}
+
+#[test]
+fn moving_triangles_have_the_hits_of_the_twin_at_every_time() {
+    let mut random = Random::new(12);
+    let start = Mesh::soup(400, 1.0, 0.3, &mut random);
+    let moved = |p: &Vec3, random: &mut Random| *p + 0.4 * point(random);
+    let end: Vec<Vec3> = start
+        .positions
+        .iter()
+        .map(|p| moved(p, &mut random))
+        .collect();
+    let built = TriangleBvh::build(Positions::moving(&start.positions, &end), &start.triangles);
+    let refitted = start
+        .build()
+        .refitted(Positions::moving(&start.positions, &end), &start.triangles);
+    let mut hits = 0;
+    for ray in rays(&start, 1.0, 2000, &mut random) {
+        let s = ray.time;
+        let at = |(a, b): (&Vec3, &Vec3)| *a * (1.0 - s) + *b * s;
+        let frozen = Mesh {
+            positions: start.positions.iter().zip(&end).map(at).collect(),
+            triangles: start.triangles.clone(),
+        };
+        assert_tree_twins(&built, &frozen, &[ray]);
+        assert_tree_twins(&refitted, &frozen, &[ray]);
+        hits += usize::from(frozen.brute_force(&ray).is_some());
+    }
+    assert!(hits > 500, "{hits}");
 }

@@ -22,14 +22,63 @@ pub struct TriangleHit {
     pub v: f32,
 }
 
-/// A bounding volume hierarchy over triangles. See the [module](super) for what it promises.
+/// A bounding volume hierarchy over triangles, which may move. See the [module](super) for what it
+/// promises.
 #[derive(Debug, Clone)]
 pub struct TriangleBvh {
     /// None when there is nothing to hit.
     tree: Option<WideTree>,
     packets: Vec<Packet>,
+    /// Where the packets are at the end of their motion; empty where they stand still.
+    ends: Vec<Packet>,
     /// Of the tree as it was built.
     cost: f32,
+}
+
+/// Positions of vertices, which move evenly along straight lines.
+#[derive(Debug, Clone, Copy)]
+pub struct Positions<'a> {
+    start: &'a [Vec3],
+    /// None where they stand still.
+    end: Option<&'a [Vec3]>,
+}
+
+impl<'a> Positions<'a> {
+    /// Vertices that stand still.
+    pub fn still(positions: &'a [Vec3]) -> Self {
+        Self {
+            start: positions,
+            end: None,
+        }
+    }
+
+    /// Vertices that move from `start`, at time 0, to `end`, at time 1.
+    pub fn moving(start: &'a [Vec3], end: &'a [Vec3]) -> Self {
+        Self {
+            start,
+            end: Some(end),
+        }
+    }
+
+    fn corners(&self, triangle: [u32; 3]) -> [Vec3; 3] {
+        triangle.map(|v| self.start[v as usize])
+    }
+
+    /// Where they are at the end; the same for vertices that stand still.
+    fn end_corners(&self, triangle: [u32; 3]) -> [Vec3; 3] {
+        triangle.map(|v| self.end.unwrap_or(self.start)[v as usize])
+    }
+
+    /// Whether a triangle can be hit at some time.
+    fn has_area(&self, triangle: [u32; 3]) -> bool {
+        let ends = [self.corners(triangle), self.end_corners(triangle)];
+        ends.as_flattened().iter().all(|corner| corner.is_finite()) && ends.iter().any(has_area)
+    }
+
+    fn bounds(&self, triangle: [u32; 3]) -> Aabb {
+        let ends = [self.corners(triangle), self.end_corners(triangle)].map(|c| c.map(Vec3A::from));
+        Aabb::from_points(ends.as_flattened())
+    }
 }
 
 /// A refitted tree that costs more than this factor of what it did is built anew. Rebuilding takes
@@ -39,63 +88,61 @@ const COST_GROWTH: f32 = 1.5;
 impl TriangleBvh {
     /// Builds the tree. `triangles` index `positions`. Triangles without area and triangles with
     /// a vertex that is not finite are never hit.
-    pub fn build(positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
-        let corners = |id: u32| triangles[id as usize].map(|v| positions[v as usize]);
+    pub fn build(positions: Positions, triangles: &[[u32; 3]]) -> Self {
+        let corners = |id: u32| triangles[id as usize];
         let (ids, boxes): (Vec<u32>, Vec<Aabb>) = (0..triangles.len() as u32)
-            .map(|id| (id, corners(id)))
-            .filter(|(_, corners)| has_area(corners))
-            .map(|(id, corners)| (id, Aabb::from_points(&corners.map(Vec3A::from))))
+            .filter(|&id| positions.has_area(corners(id)))
+            .map(|id| (id, positions.bounds(corners(id))))
             .unzip();
-        let mut packets = Vec::with_capacity(ids.len().div_ceil(2));
+        let mut leaves: Vec<[u32; LEAF_TRIANGLES]> = Vec::with_capacity(ids.len().div_ceil(2));
         let tree = (!boxes.is_empty()).then(|| {
             WideTree::build(&boxes, LEAF_TRIANGLES, |members| {
-                let mut packet = Packet::EMPTY;
-                for (lane, &member) in members.iter().enumerate() {
-                    let id = ids[member as usize];
-                    packet.set(lane, id, corners(id));
+                let mut leaf = [u32::MAX; LEAF_TRIANGLES];
+                for (lane, &member) in leaf.iter_mut().zip(members) {
+                    *lane = ids[member as usize];
                 }
-                packets.push(packet);
-                packets.len() as u32 - 1
+                leaves.push(leaf);
+                leaves.len() as u32 - 1
             })
         });
+        let (packets, ends) = packets(&leaves, &positions, triangles);
         Self {
             cost: tree.as_ref().map_or(0.0, WideTree::cost),
             tree,
             packets,
+            ends,
         }
     }
 
     /// The tree after the vertices have moved to `positions`, for the `triangles` it was built
     /// from. Fits the boxes of this one anew, which is much faster than building, unless it would
     /// become a bad tree or lack triangles that had no area before: then it builds.
-    pub fn refitted(&self, positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
+    pub fn refitted(&self, positions: Positions, triangles: &[[u32; 3]]) -> Self {
         self.try_refit(positions, triangles)
             .unwrap_or_else(|| Self::build(positions, triangles))
     }
 
-    fn try_refit(&self, positions: &[Vec3], triangles: &[[u32; 3]]) -> Option<Self> {
-        let corners = |id: u32| triangles[id as usize].map(|v| positions[v as usize]);
-        let mut packets = self.packets.clone();
-        let mut held = 0;
-        for packet in &mut packets {
-            for lane in 0..LEAF_TRIANGLES {
-                let id = packet.ids[lane];
-                if id == u32::MAX {
-                    continue;
-                }
-                let corners = corners(id);
-                let area = has_area(&corners);
-                packet.set(lane, id, if area { corners } else { [Vec3::NAN; 3] });
-                held += usize::from(area);
-            }
-        }
+    fn try_refit(&self, positions: Positions, triangles: &[[u32; 3]]) -> Option<Self> {
+        let leaves: Vec<_> = self.packets.iter().map(|packet| packet.ids).collect();
+        let (packets, ends) = packets(&leaves, &positions, triangles);
+        let has_area = |id: u32| positions.has_area(triangles[id as usize]);
+        let members = leaves.as_flattened().iter();
+        let held = members
+            .filter(|&&id| id != u32::MAX && has_area(id))
+            .count();
         let ids = 0..triangles.len() as u32;
-        let all = ids.filter(|&id| has_area(&corners(id))).count();
+        let all = ids.filter(|&id| has_area(id)).count();
         let mut tree = self.tree.clone()?;
-        tree.refit(|leaf| packets[leaf as usize].bounds());
+        tree.refit(|leaf| {
+            let leaf = leaf as usize;
+            let bounds = packets[leaf].bounds();
+            ends.get(leaf)
+                .map_or(bounds, |end| bounds.union(&end.bounds()))
+        });
         (held == all && tree.cost() <= COST_GROWTH * self.cost).then_some(Self {
             tree: Some(tree),
             packets,
+            ends,
             cost: self.cost,
         })
     }
@@ -145,10 +192,24 @@ impl TriangleBvh {
         self.tree.as_ref().map(WideTree::bounds)
     }
 
+    /// The triangles of a leaf at a time from 0, the start of their motion, to 1; moving ones in
+    /// `moved`.
+    #[inline(always)]
+    fn packet<'a>(&'a self, leaf: usize, time: f32, moved: &'a mut Packet) -> &'a Packet {
+        let start = &self.packets[leaf];
+        match self.ends.get(leaf) {
+            None => start,
+            Some(end) => {
+                *moved = start.towards(end, time);
+                moved
+            }
+        }
+    }
+
     /// Memory the tree holds [bytes].
     pub fn memory_bytes(&self) -> usize {
         let nodes = self.tree.as_ref().map_or(0, WideTree::memory_bytes);
-        nodes + self.packets.capacity() * size_of::<Packet>()
+        nodes + (self.packets.capacity() + self.ends.capacity()) * size_of::<Packet>()
     }
 }
 
@@ -169,8 +230,9 @@ impl<A: FnMut(&TriangleHit) -> bool> Job for Closest<'_, A> {
         let mut meetings = Meetings::default();
         let mut best: Option<TriangleHit> = None;
         let mut t_max = self.ray.t_max;
+        let mut moved = Packet::EMPTY;
         while let Some(leaf) = walk.next_nearest(t_max) {
-            let packet = &self.bvh.packets[leaf as usize];
+            let packet = self.bvh.packet(leaf as usize, self.ray.time, &mut moved);
             let met = L::meet_triangles(packet, &shear, t_max, &mut meetings);
             for hit in hits(packet, met, &meetings) {
                 let nearer = match best {
@@ -205,8 +267,9 @@ impl<A: FnMut(&TriangleHit) -> bool> Job for Any<'_, A> {
         };
         let shear = Shear::new(self.ray);
         let mut meetings = Meetings::default();
+        let mut moved = Packet::EMPTY;
         while let Some(leaf) = walk.next_largest(self.ray.t_max) {
-            let packet = &self.bvh.packets[leaf as usize];
+            let packet = self.bvh.packet(leaf as usize, self.ray.time, &mut moved);
             let met = L::meet_triangles(packet, &shear, self.ray.t_max, &mut meetings);
             if hits(packet, met, &meetings).any(|hit| (self.accept)(&hit)) {
                 return true;
@@ -229,6 +292,33 @@ fn hits<'a>(
         u: meetings.u[lane],
         v: meetings.v[lane],
     })
+}
+
+/// The packets of the leaves' triangles at the start of their motion and, if they move, at its end.
+/// Lanes of triangles that can never be hit are NaN.
+fn packets(
+    leaves: &[[u32; LEAF_TRIANGLES]],
+    positions: &Positions,
+    triangles: &[[u32; 3]],
+) -> (Vec<Packet>, Vec<Packet>) {
+    let (mut starts, mut ends) = (Vec::with_capacity(leaves.len()), Vec::new());
+    for leaf in leaves {
+        let (mut start, mut end) = (Packet::EMPTY, Packet::EMPTY);
+        for (lane, &id) in leaf.iter().enumerate().filter(|(_, id)| **id != u32::MAX) {
+            let triangle = triangles[id as usize];
+            let place = |corners: [Vec3; 3]| match positions.has_area(triangle) {
+                true => corners,
+                false => [Vec3::NAN; 3],
+            };
+            start.set(lane, id, place(positions.corners(triangle)));
+            end.set(lane, id, place(positions.end_corners(triangle)));
+        }
+        starts.push(start);
+        if positions.end.is_some() {
+            ends.push(end);
+        }
+    }
+    (starts, ends)
 }
 
 /// False also where a coordinate is not finite. In double precision, for meshes of any size.

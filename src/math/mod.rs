@@ -14,7 +14,7 @@ pub mod warp;
 pub use filter::PixelFilter;
 pub use frame::Frame;
 pub use ggx::Ggx;
-pub use ray::{Ray, offset_origin};
+pub use ray::{MIDDLE_TIME, Ray, offset_origin};
 
 /// Rec. 709 luminance of a scene-linear colour.
 pub fn luminance(color: Vec3A) -> f32 {

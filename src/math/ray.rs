@@ -13,7 +13,12 @@ pub struct Ray {
     pub t_min: f32,
     /// Largest parameter that counts as a hit.
     pub t_max: f32,
+    /// When it meets the scene: the share of the shutter's time that has passed by then.
+    pub time: f32,
 }
+
+/// The frame's own time, as [`Ray::time`]: the middle of the shutter's.
+pub const MIDDLE_TIME: f32 = 0.5;
 
 impl Ray {
     /// A ray from `origin` without an end.
@@ -28,7 +33,13 @@ impl Ray {
             direction,
             t_min: 0.0,
             t_max,
+            time: MIDDLE_TIME,
         }
+    }
+
+    /// The same ray at another time.
+    pub fn at_time(self, time: f32) -> Self {
+        Self { time, ..self }
     }
 
     /// The point at parameter `t`.

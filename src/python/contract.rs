@@ -4,7 +4,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString};
 
 use crate::contract::{
-    ArraySpec, FRAME, IMAGE, Kind, MESH, PASSES, SETTINGS, SettingSpec, Settings, Value,
+    ArraySpec, FRAME, IMAGE, Kind, MESH, MESH_MOTION, PASSES, SETTINGS, SettingSpec, Settings,
+    Value,
 };
 use crate::reuse;
 use crate::shader::{OPERATIONS, Parameter};
@@ -13,7 +14,13 @@ use crate::shader::{OPERATIONS, Parameter};
 #[pyfunction]
 pub fn contract(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let table = PyDict::new(py);
-    for (name, specs) in [("mesh", MESH), ("image", IMAGE), ("frame", FRAME)] {
+    let tables = [
+        ("mesh", MESH),
+        ("mesh_motion", MESH_MOTION),
+        ("image", IMAGE),
+        ("frame", FRAME),
+    ];
+    for (name, specs) in tables {
         let rows = specs.iter().map(|spec| array_row(py, spec));
         table.set_item(name, PyList::new(py, rows.collect::<PyResult<Vec<_>>>()?)?)?;
     }

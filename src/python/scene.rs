@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::Held;
-use crate::contract::{FRAME, IMAGE, MESH};
+use crate::contract::{FRAME, IMAGE, MESH, MESH_MOTION};
 use crate::scene::{self, Extension, Interpolation};
 
 /// A triangle mesh in object space; hand the same one to every frame that shows it unchanged.
@@ -38,6 +38,12 @@ impl Mesh {
         ];
         let held = Held::of_list(MESH, &arrays)?;
         Ok(Self(Arc::new(scene::Mesh::new(held.given()?)?)))
+    }
+
+    /// The same mesh, which changes its form while the shutter is open.
+    fn moving(&self, motion_vertices: Bound<'_, PyAny>) -> PyResult<Self> {
+        let held = Held::of_list(MESH_MOTION, &[motion_vertices])?;
+        Ok(Self(Arc::new(self.0.moving(held.given()?)?)))
     }
 
     /// Number of vertices.

@@ -22,7 +22,7 @@ use crate::film::{Film, PixelSums, Region, Sighting};
 use crate::math::{PixelFilter, Ray};
 use crate::path::{Bounces, Tracer, take_rays};
 use crate::progress::Progress;
-use crate::sampling::{Sampler, Strategy};
+use crate::sampling::{Sampler, ShutterTimes, Strategy};
 use crate::scene::FrameWindow;
 use crate::shader::RayKind;
 use crate::surface::Surface;
@@ -39,6 +39,8 @@ pub struct View<'a> {
     pub region: Region,
     /// Where camera rays go within a pixel.
     pub filter: &'a PixelFilter,
+    /// When camera rays meet the scene.
+    pub shutter: &'a ShutterTimes,
     /// How the frame's surroundings divide into areas of light.
     pub light_tree: &'a LightTree,
     /// Diameter of the scene [m].
@@ -124,7 +126,8 @@ impl View<'_> {
         let numbers = sampler.camera();
         let offset = Vec2::from_array(numbers.pixel.map(|u| self.filter.sample(u)));
         let film = self.region.film(x, y, offset);
-        let Some(ray) = tracer.frame.camera.ray(film, numbers.lens) else {
+        let time = self.shutter.time(&sampler);
+        let Some(ray) = tracer.frame.camera_ray(film, numbers.lens, time) else {
             return Shot::outside(sampler);
         };
         let surface = tracer.arrive(&ray, &Bounces::default(), &sampler);
@@ -286,5 +289,7 @@ pub fn with_estimator<W: WithEstimator>(settings: &Settings, work: W) -> W::Outp
     }
 }
 
+#[cfg(test)]
+mod motion_tests;
 #[cfg(test)]
 mod tests;

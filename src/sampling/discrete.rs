@@ -36,6 +36,11 @@ impl Discrete {
         step(&self.cumulative, &self.guide, u)
     }
 
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.cumulative.len() - 1
+    }
+
     /// Probability of an index.
     pub fn pmf(&self, index: usize) -> f32 {
         self.cumulative[index + 1] - self.cumulative[index]

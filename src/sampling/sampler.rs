@@ -61,6 +61,7 @@ enum Use {
     Scatter,
     Transparency,
     Sky,
+    Time,
 }
 
 /// Uses a vertex may have, a power of two.
@@ -87,6 +88,11 @@ impl Sampler {
             pixel: [x, y],
             lens: [u, v],
         }
+    }
+
+    /// One number that chooses the time at which the path meets the scene.
+    pub fn time(&self) -> f32 {
+        self.point(0, Use::Time)[0]
     }
 
     /// Numbers for a light sample at the path's vertex number `vertex`.

@@ -1,17 +1,21 @@
 //! A triangle of an instance, and its points as programs see them.
 
+use std::borrow::Cow;
+
 use glam::{Vec2, Vec3A, Vec4};
 
-use super::{Camera, Instance, Mesh, SceneFrame, interpolate};
+use super::{Camera, Instance, Mesh, Placement, SceneFrame, interpolate};
 use crate::shader::{Attributes, Point, RayInfo};
 
-/// A triangle of an instance.
-#[derive(Clone, Copy)]
+/// A triangle of an instance at one time.
+#[derive(Clone)]
 pub struct Facet<'a> {
     camera: &'a Camera,
     instance: &'a Instance,
+    placement: Cow<'a, Placement>,
     mesh: &'a Mesh,
     triangle: u32,
+    time: f32,
 }
 
 impl Attributes for Facet<'_> {
@@ -26,19 +30,33 @@ impl Attributes for Facet<'_> {
 }
 
 impl<'a> Facet<'a> {
-    /// The triangle of this number.
-    pub fn new(frame: &'a SceneFrame, instance: u32, triangle: u32) -> Self {
+    /// The triangle of this number at a share of the shutter's time.
+    pub fn new(frame: &'a SceneFrame, instance: u32, triangle: u32, time: f32) -> Self {
         let placed = &frame.instances[instance as usize];
-        Self::of(&frame.camera, placed, frame.mesh_of(instance), triangle)
+        Self::of(
+            &frame.camera,
+            placed,
+            frame.mesh_of(instance),
+            triangle,
+            time,
+        )
     }
 
     /// The triangle of this number of an instance that shows `mesh`.
-    pub fn of(camera: &'a Camera, instance: &'a Instance, mesh: &'a Mesh, triangle: u32) -> Self {
+    pub fn of(
+        camera: &'a Camera,
+        instance: &'a Instance,
+        mesh: &'a Mesh,
+        triangle: u32,
+        time: f32,
+    ) -> Self {
         Self {
             camera,
             instance,
+            placement: instance.placement_at(time),
             mesh,
             triangle,
+            time,
         }
     }
 
@@ -51,21 +69,21 @@ impl<'a> Facet<'a> {
         ray_length: f32,
         ray: &'a RayInfo,
     ) -> Point<'a> {
-        let instance = self.instance;
-        let corners = self.mesh.corners(self.triangle);
+        let placement = &*self.placement;
+        let corners = self.mesh.corners_at(self.triangle, self.time);
         let edges_object = [corners[1] - corners[0], corners[2] - corners[0]];
         let incoming = -direction.normalize();
-        let front = instance.world_from_normal * edges_object[0].cross(edges_object[1]);
+        let front = placement.world_from_normal * edges_object[0].cross(edges_object[1]);
         let front = front.try_normalize().unwrap_or(incoming);
         let is_back = front.dot(incoming) < 0.0;
         let geometric_normal = if is_back { -front } else { front };
-        let corner_normals = self.mesh.corner_normals[self.triangle as usize].map(Vec3A::from);
+        let corner_normals = self.mesh.corner_normals_at(self.triangle, &corners);
         let normal_object = interpolate(&corner_normals, barycentric);
-        let shading = instance.world_from_normal * normal_object;
+        let shading = placement.world_from_normal * normal_object;
         let shading = shading.try_normalize().unwrap_or(geometric_normal);
         Point {
             // From the corners, not along the ray: the error then does not grow with the distance.
-            position: instance
+            position: placement
                 .world_from_object
                 .transform_point3a(interpolate(&corners, barycentric)),
             normal: if shading.dot(geometric_normal) < 0.0 {
@@ -77,12 +95,12 @@ impl<'a> Facet<'a> {
             normal_object,
             incoming,
             barycentric,
-            edges: edges_object.map(|e| instance.world_from_object.transform_vector3a(e)),
+            edges: edges_object.map(|e| placement.world_from_object.transform_vector3a(e)),
             is_back,
             ray_length,
-            world_from_object: &instance.world_from_object,
-            object_from_world: &instance.object_from_world,
-            object: &instance.info,
+            world_from_object: &placement.world_from_object,
+            object_from_world: &placement.object_from_world,
+            object: &self.instance.info,
             attributes: self,
             view: self.camera,
             ray,

@@ -1,15 +1,17 @@
 //! One frame, put together from the boundary arrays.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
 use super::{
-    Camera, Image, Lens, Light, LightKind, Material, Mesh, Panorama, Projection, Reach, Visibility,
-    World,
+    Camera, CameraMotion, Image, Lens, Light, LightKind, Material, Mesh, Panorama, Placement,
+    Projection, Reach, Trajectory, Visibility, World,
 };
 use crate::contract::{Arrays, FRAME, Given};
 use crate::error::{Error, Result};
+use crate::math::Ray;
 use crate::shader::{Instructions, ObjectInfo};
 
 /// A mesh, placed.
@@ -19,12 +21,10 @@ pub struct Instance {
     pub mesh: u32,
     /// Names the same thing in every frame.
     pub key: u64,
-    /// Placement.
-    pub world_from_object: Affine3A,
-    /// Its inverse.
-    pub object_from_world: Affine3A,
-    /// Inverse transpose of the placement's linear part, for normals.
-    pub world_from_normal: Mat3A,
+    /// Where it is at the frame's own time.
+    pub placement: Placement,
+    /// Where it is while the shutter is open, if it moves.
+    pub motion: Option<Trajectory>,
     /// What the Object Info node tells of it.
     pub info: ObjectInfo,
     /// Material of each slot: indices into [`SceneFrame::materials`].
@@ -33,6 +33,25 @@ pub struct Instance {
     pub visibility: Visibility,
     /// Whether camera rays meet a hole in the picture in its place.
     pub is_holdout: bool,
+}
+
+impl Instance {
+    /// Where it is at a share of the shutter's time.
+    pub fn placement_at(&self, time: f32) -> Cow<'_, Placement> {
+        match &self.motion {
+            None => Cow::Borrowed(&self.placement),
+            Some(motion) => Cow::Owned(Placement::new(motion.at(time))),
+        }
+    }
+}
+
+/// What the camera does while the shutter is open.
+#[derive(Debug, Clone, Default)]
+pub struct Shutter {
+    /// Share of the light that it lets in, in equal parts of its time; empty for all of it.
+    pub curve: Vec<f32>,
+    /// The camera's way, if it moves.
+    pub camera: Option<CameraMotion>,
 }
 
 /// Everything one frame shows.
@@ -49,8 +68,10 @@ pub struct SceneFrame {
     pub images: Vec<Arc<Image>>,
     /// Lamps.
     pub lights: Vec<Light>,
-    /// The camera.
+    /// The camera at the frame's own time.
     pub camera: Camera,
+    /// What the shutter does.
+    pub shutter: Shutter,
     /// The surroundings.
     pub world: World,
 }
@@ -69,12 +90,14 @@ impl SceneFrame {
     ) -> Result<Self> {
         let arrays = Arrays::checked(FRAME, given)?;
         let materials = materials(&arrays, images.len())?;
-        let instances = instances(&arrays, meshes.len(), materials.len())?;
+        let mut instances = instances(&arrays, meshes.len(), materials.len())?;
+        set_in_motion(&mut instances, &arrays)?;
         Ok(Self {
             frame,
             instances,
             lights: lights(&arrays)?,
             camera: camera(&arrays)?,
+            shutter: shutter(&arrays)?,
             world: world(&arrays, &images)?,
             meshes,
             materials,
@@ -85,6 +108,26 @@ impl SceneFrame {
     /// The mesh of an instance.
     pub fn mesh_of(&self, instance: u32) -> &Mesh {
         &self.meshes[self.instances[instance as usize].mesh as usize]
+    }
+
+    /// Whether anything moves while the shutter is open.
+    pub fn is_moving(&self) -> bool {
+        self.shutter.camera.is_some()
+            || (0..self.instances.len() as u32).any(|instance| self.moves(instance))
+    }
+
+    /// Whether an instance moves, or changes its form, while the shutter is open.
+    pub fn moves(&self, instance: u32) -> bool {
+        self.instances[instance as usize].motion.is_some() || self.mesh_of(instance).is_moving()
+    }
+
+    /// The ray that a point of the film sees at a share of the shutter's time; see [`Camera::ray`].
+    pub fn camera_ray(&self, film: Vec2, u_lens: [f32; 2], time: f32) -> Option<Ray> {
+        let ray = match &self.shutter.camera {
+            None => self.camera.ray(film, u_lens),
+            Some(motion) => self.camera.moved(motion, time).ray(film, u_lens),
+        };
+        Some(ray?.at_time(time))
     }
 
     /// The material of a triangle; a slot that the instance does not have counts as its last, as in
@@ -201,7 +244,7 @@ fn instances(arrays: &Arrays, meshes: usize, materials: usize) -> Result<Vec<Ins
     rows.enumerate()
         .map(|(row, ((&slots, &mesh), &key))| {
             let world_from_object = affine(arrays.f32s("world_from_object"), row);
-            let object_from_world = inverse("world_from_object", row, world_from_object)?;
+            inverse("world_from_object", row, world_from_object)?;
             let slots = range(
                 "instance_slots",
                 row,
@@ -212,9 +255,8 @@ fn instances(arrays: &Arrays, meshes: usize, materials: usize) -> Result<Vec<Ins
             Ok(Instance {
                 mesh: index("instance_mesh", row, i64::from(mesh), meshes, "meshes")?,
                 key,
-                world_from_object,
-                object_from_world,
-                world_from_normal: object_from_world.matrix3.transpose(),
+                placement: Placement::new(world_from_object),
+                motion: None,
                 info: object_info(arrays, row),
                 materials: slot_materials[slots].to_vec(),
                 visibility: Visibility::from_bits(arrays.u32s("instance_visibility")[row]),
@@ -222,6 +264,45 @@ fn instances(arrays: &Arrays, meshes: usize, materials: usize) -> Result<Vec<Ins
             })
         })
         .collect()
+}
+
+/// Gives the instances that move their ways.
+fn set_in_motion(instances: &mut [Instance], arrays: &Arrays) -> Result<()> {
+    let placements = affines(arrays.f32s("motion_placements"));
+    let spans = arrays.u32s("motion_spans").as_chunks::<2>().0;
+    let rows = arrays.u32s("motion_instances").iter().zip(spans);
+    for (row, (&moved, &span)) in rows.enumerate() {
+        let field = "motion_instances";
+        let moved = index(field, row, i64::from(moved), instances.len(), "instances")?;
+        let span = range("motion_spans", row, span, placements.len(), "placements")?;
+        let field = "motion_spans";
+        let motion = Trajectory::new(&placements[span]).ok_or(Error::Singular { field, row })?;
+        instances[moved as usize].motion = Some(motion);
+    }
+    Ok(())
+}
+
+fn affines(numbers: &[f32]) -> Vec<Affine3A> {
+    (0..numbers.len() / 12)
+        .map(|row| affine(numbers, row))
+        .collect()
+}
+
+fn shutter(arrays: &Arrays) -> Result<Shutter> {
+    let placements = affines(arrays.f32s("camera_motion"));
+    let matrices = arrays.f32s("camera_motion_clip").as_chunks::<16>().0;
+    let is_panorama = panorama(arrays)?.is_some();
+    let projections = matrices
+        .iter()
+        .filter(|_| !is_panorama)
+        .map(|rows| Projection::from_matrix(Mat4::from_cols_array(rows).transpose()));
+    let projections = projections.collect::<Result<_>>()?;
+    let camera = match placements.len() {
+        0 => None,
+        _ => Some(CameraMotion::new(&placements, projections)?),
+    };
+    let curve = arrays.f32s("shutter_curve").to_vec();
+    Ok(Shutter { curve, camera })
 }
 
 fn materials(arrays: &Arrays, images: usize) -> Result<Vec<Material>> {

@@ -1,29 +1,36 @@
 //! A triangle mesh in object space, shared by every instance and frame that shows it unchanged.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
-use glam::{Vec2, Vec3, Vec3A, Vec4};
+use glam::{Mat3A, Vec2, Vec3, Vec3A, Vec4};
 
-use crate::contract::{Arrays, Given, MESH};
+use super::motion::step_at;
+use crate::contract::{Arrays, Given, MESH, MESH_MOTION};
 use crate::error::{Error, Result};
-use crate::kernel::TriangleBvh;
+use crate::kernel::{Positions, TriangleBvh};
 
-/// A triangle mesh and, once something has been traced against it, its tree.
+/// A triangle mesh and, once something has been traced against it, its trees.
 pub struct Mesh {
-    /// Positions [m], object space.
-    pub vertices: Vec<Vec3>,
+    /// Positions [m], object space, at the frame's own time.
+    pub vertices: Arc<Vec<Vec3>>,
     /// Vertices of each triangle, counter-clockwise from the front.
-    pub triangles: Vec<[u32; 3]>,
+    pub triangles: Arc<Vec<[u32; 3]>>,
     /// Unit shading normals of each triangle's corners, object space.
-    pub corner_normals: Vec<[Vec3; 3]>,
+    pub corner_normals: Arc<Vec<[Vec3; 3]>>,
     /// Texture coordinates of each triangle's corners.
-    pub corner_uvs: Vec<[Vec2; 3]>,
+    pub corner_uvs: Arc<Vec<[Vec2; 3]>>,
     /// Further values of each triangle's corners, by the hash of their name.
-    pub layers: Vec<(u32, Vec<[Vec4; 3]>)>,
+    pub layers: Arc<Vec<Layer>>,
     /// Material slot of each triangle.
-    pub material_slots: Vec<u32>,
-    bvh: OnceLock<TriangleBvh>,
+    pub material_slots: Arc<Vec<u32>>,
+    /// Positions at equal steps of the shutter's time; none where it keeps its form.
+    motion: Vec<Vec<Vec3>>,
+    /// One for each step of the motion; one where there is none.
+    bvhs: OnceLock<Vec<TriangleBvh>>,
 }
+
+/// A name's hash, and values at each triangle's corners.
+type Layer = (u32, Vec<[Vec4; 3]>);
 
 impl Mesh {
     /// A mesh from the arrays of [`MESH`].
@@ -47,44 +54,143 @@ impl Mesh {
         }
         let corner_normals = corner_normals(arrays.f32s("corner_normals"), &triangles, &vertices);
         let uvs = arrays.f32s("corner_uvs").as_chunks::<6>().0;
+        let uvs = uvs.iter();
         Ok(Self {
-            corner_uvs: uvs
-                .iter()
-                .map(|c| [0, 2, 4].map(|i| Vec2::new(c[i], c[i + 1])))
-                .collect(),
-            layers: layers(&arrays, triangles.len()),
-            material_slots: arrays.u32s("material_slots").to_vec(),
-            vertices,
-            triangles,
-            corner_normals,
-            bvh: OnceLock::new(),
+            corner_uvs: Arc::new(
+                uvs.map(|c| [0, 2, 4].map(|i| Vec2::new(c[i], c[i + 1])))
+                    .collect(),
+            ),
+            layers: Arc::new(layers(&arrays, triangles.len())),
+            material_slots: Arc::new(arrays.u32s("material_slots").to_vec()),
+            vertices: Arc::new(vertices),
+            triangles: Arc::new(triangles),
+            corner_normals: Arc::new(corner_normals),
+            motion: Vec::new(),
+            bvhs: OnceLock::new(),
         })
     }
 
-    /// The tree over the triangles, built at the first call.
-    pub fn bvh(&self) -> &TriangleBvh {
-        self.bvh_after(None)
+    /// The same mesh, which changes its form while the shutter is open, from the array of
+    /// [`MESH_MOTION`]. It shares all but the positions.
+    ///
+    /// # Errors
+    /// An array that breaks the contract, another number of vertices, fewer than two times.
+    pub fn moving(&self, given: Vec<Given>) -> Result<Self> {
+        let arrays = Arrays::checked(MESH_MOTION, given)?;
+        let positions = vec3s(arrays.f32s("motion_vertices"));
+        let count = self.vertices.len().max(1);
+        if !positions.len().is_multiple_of(count) || positions.len() / count < 2 {
+            return Err(Error::Range {
+                field: "motion_vertices",
+                value: format!("{} positions", positions.len()),
+                range: format!("two times {} at least", self.vertices.len()),
+            });
+        }
+        Ok(Self {
+            vertices: self.vertices.clone(),
+            triangles: self.triangles.clone(),
+            corner_normals: self.corner_normals.clone(),
+            corner_uvs: self.corner_uvs.clone(),
+            layers: self.layers.clone(),
+            material_slots: self.material_slots.clone(),
+            motion: positions
+                .chunks_exact(count)
+                .map(<[Vec3]>::to_vec)
+                .collect(),
+            bvhs: OnceLock::new(),
+        })
     }
 
-    /// The same, fitted to this mesh from the tree of `earlier` if the vertices have only moved
-    /// since: that takes a thirtieth of the time, and no hit depends on the shape of the tree.
-    pub fn bvh_after(&self, earlier: Option<&Self>) -> &TriangleBvh {
-        self.bvh.get().unwrap_or_else(|| {
+    /// Whether it changes its form while the shutter is open.
+    pub fn is_moving(&self) -> bool {
+        !self.motion.is_empty()
+    }
+
+    /// The tree over the triangles at a share of the shutter's time, and what that time is for the
+    /// tree. Trees are built at the first call.
+    pub fn bvh_at(&self, time: f32) -> (&TriangleBvh, f32) {
+        let bvhs = self.bvhs_after(None);
+        match bvhs.len() {
+            1 => (&bvhs[0], time),
+            steps => {
+                let (step, s) = step_at(time, steps);
+                (&bvhs[step], s)
+            }
+        }
+    }
+
+    /// The trees, fitted to this mesh from those of `earlier` if the vertices have only moved since:
+    /// that takes a thirtieth of the time, and no hit depends on the shape of a tree.
+    pub fn bvhs_after(&self, earlier: Option<&Self>) -> &[TriangleBvh] {
+        self.bvhs.get().unwrap_or_else(|| {
             let fits = |earlier: &&Self| earlier.triangles == self.triangles;
-            let tree = earlier.filter(fits).and_then(|earlier| earlier.bvh.get());
+            let trees = earlier.filter(fits).and_then(|earlier| earlier.bvhs.get());
             // Outside the lock: while it builds, a thread of rayon's may take up other work that
             // asks for this same tree, and would then wait for itself.
-            let built = tree.map_or_else(
-                || TriangleBvh::build(&self.vertices, &self.triangles),
-                |tree| tree.refitted(&self.vertices, &self.triangles),
-            );
-            self.bvh.get_or_init(|| built)
+            let built = self.built_after(trees.and_then(|trees| trees.first()));
+            self.bvhs.get_or_init(|| built)
         })
     }
 
-    /// Positions of a triangle's corners, object space.
+    fn built_after(&self, earlier: Option<&TriangleBvh>) -> Vec<TriangleBvh> {
+        let mut steps: Vec<Positions> = self
+            .motion
+            .windows(2)
+            .map(|pair| Positions::moving(&pair[0], &pair[1]))
+            .collect();
+        if steps.is_empty() {
+            steps.push(Positions::still(&self.vertices));
+        }
+        let mut built: Vec<TriangleBvh> = Vec::with_capacity(steps.len());
+        for positions in steps {
+            let tree = match built.last().or(earlier) {
+                None => TriangleBvh::build(positions, &self.triangles),
+                Some(tree) => tree.refitted(positions, &self.triangles),
+            };
+            built.push(tree);
+        }
+        built
+    }
+
+    /// Corners of the box around all triangles, wherever they are while the shutter is open; `None`
+    /// where there are none.
+    pub fn bounds(&self) -> Option<(Vec3A, Vec3A)> {
+        let trees = self.bvhs_after(None).iter();
+        trees
+            .filter_map(TriangleBvh::bounds)
+            .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+    }
+
+    /// Positions of a triangle's corners, object space, at the frame's own time.
     pub fn corners(&self, triangle: u32) -> [Vec3A; 3] {
         self.triangles[triangle as usize].map(|v| self.vertices[v as usize].into())
+    }
+
+    /// The same at a share of the shutter's time. What the kernel computes, to the last bit.
+    pub fn corners_at(&self, triangle: u32, time: f32) -> [Vec3A; 3] {
+        if !self.is_moving() {
+            return self.corners(triangle);
+        }
+        let (step, s) = step_at(time, self.motion.len() - 1);
+        let [start, end] = [&self.motion[step], &self.motion[step + 1]];
+        self.triangles[triangle as usize].map(|v| {
+            let v = v as usize;
+            Vec3A::from(start[v] * (1.0 - s) + end[v] * s)
+        })
+    }
+
+    /// Shading normals of a triangle's corners when these are at `corners`, object space: they follow
+    /// the triangle as it turns and stretches. That is exact where the form changes evenly, and needs
+    /// no normals for each time.
+    pub fn corner_normals_at(&self, triangle: u32, corners: &[Vec3A; 3]) -> [Vec3A; 3] {
+        let normals = self.corner_normals[triangle as usize].map(Vec3A::from);
+        if !self.is_moving() {
+            return normals;
+        }
+        let (before, after) = (frame_of(&self.corners(triangle)), frame_of(corners));
+        let follow = after.inverse().transpose() * before.transpose();
+        let own = after.z_axis.normalize_or(Vec3A::Z);
+        normals.map(|normal| (follow * normal).normalize_or(own))
     }
 
     /// Bytes held, the tree included once it is built.
@@ -95,11 +201,26 @@ impl Mesh {
         layers
             + self.vertices.len() * size_of::<Vec3>()
             + self.triangles.len() * per_triangle
-            + self.bvh.get().map_or(0, TriangleBvh::memory_bytes)
+            + self.motion.len() * self.vertices.len() * size_of::<Vec3>()
+            + self
+                .bvhs
+                .get()
+                .into_iter()
+                .flatten()
+                .map(TriangleBvh::memory_bytes)
+                .sum::<usize>()
     }
 }
 
-fn layers(arrays: &Arrays, triangles: usize) -> Vec<(u32, Vec<[Vec4; 3]>)> {
+/// Two edges of a triangle and its normal, as long as the triangle is wide.
+fn frame_of([a, b, c]: &[Vec3A; 3]) -> Mat3A {
+    let (one, other) = (*b - *a, *c - *a);
+    let normal = one.cross(other);
+    let width = normal.length().sqrt();
+    Mat3A::from_cols(one, other, normal.normalize_or(Vec3A::Z) * width)
+}
+
+fn layers(arrays: &Arrays, triangles: usize) -> Vec<Layer> {
     let corners = arrays.f32s("layer_values").as_chunks::<12>().0;
     let keys = arrays.u32s("layer_keys").iter().enumerate();
     let values = |layer: usize| corners[layer * triangles..(layer + 1) * triangles].iter();

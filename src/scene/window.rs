@@ -112,6 +112,7 @@ impl FrameWindow {
 }
 
 fn motion(source: &Instance, target: &Instance) -> Motion {
+    let (source, target) = (&source.placement, &target.placement);
     let size = source.world_from_object.translation.abs().max_element();
     let tolerance = STILL * size.max(1.0);
     let (a, b) = (source.world_from_object, target.world_from_object);

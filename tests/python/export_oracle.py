@@ -6,7 +6,7 @@ import importlib.util
 import re
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -54,6 +54,10 @@ class RecordedMesh:
     layer_keys: np.ndarray
     layer_values: np.ndarray
     material_slots: np.ndarray
+    motion_vertices: np.ndarray | None = None
+
+    def moving(self, motion_vertices: np.ndarray) -> RecordedMesh:
+        return replace(self, motion_vertices=motion_vertices)
 
 
 @dataclass
@@ -110,7 +114,9 @@ def export_in_render(frames: Sequence[int], cache: Any = None, core: Any = None)
                 for frame in frames:
                     self.frame_set(frame, 0.0)
                     results.append(
-                        export.export_frame(depsgraph, frame, (32, 24), cache, core, lambda: False)
+                        export.export_frame(
+                            depsgraph, frame, (32, 24), cache, core, lambda: False, self.frame_set
+                        )
                     )
             except BaseException as error:  # Blender would only print it
                 errors.append(error)

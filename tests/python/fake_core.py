@@ -29,6 +29,13 @@ class Mesh:
     def __init__(self, **arrays: np.ndarray) -> None:
         self.arrays = arrays
 
+    @property
+    def vertices(self) -> np.ndarray:
+        return self.arrays["vertices"]
+
+    def moving(self, motion_vertices: np.ndarray) -> Mesh:
+        return Mesh(**self.arrays, motion_vertices=motion_vertices)
+
 
 @dataclass(init=False)
 class Image:

@@ -350,12 +350,13 @@ class TestWords:
     def test_a_warning_is_told_once_a_job(
         self, shot: Any, caplog: pytest.LogCaptureFixture
     ) -> None:
-        shot.render.use_motion_blur = True
+        shot.render.use_multiview = True
         for _job in range(2):
             caplog.clear()
             animate()
             warnings = [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
-            assert warnings.count("Motion Blur is not rendered yet") == 1
+            told = "Stereoscopy is not rendered yet: every view shows the same picture"
+            assert warnings.count(told) == 1
 
 
 def test_registering_twice_and_back_leaves_blender_as_it_was(addon: Any) -> None:

@@ -140,10 +140,8 @@ def test_a_camera_without_size_is_refused_by_name() -> None:
 
 def test_what_the_camera_does_beyond_is_named() -> None:
     add_camera()
-    scene().render.use_motion_blur = True
     scene().render.use_multiview = True
     assert export_now().warnings == [
-        "'Scene': Motion blur is not rendered yet",
         "'Scene': Stereoscopy is not rendered yet",
     ]
 

@@ -138,9 +138,18 @@ class Scene:
     def export(self, frame: int, resolution: Resolution) -> Any:
         """Move the scene to `frame` and export it, even if that was done before."""
         self.go_to(frame, resolution)
+        scene: Any = bpy.context.scene
         depsgraph = bpy.context.evaluated_depsgraph_get()
         export_frame = addon("export.frame").export_frame
-        return export_frame(depsgraph, frame, resolution, self.cache, dualcone, lambda: False)
+        return export_frame(
+            depsgraph,
+            frame,
+            resolution,
+            self.cache,
+            dualcone,
+            lambda: False,
+            lambda to, subframe: scene.frame_set(to, subframe=subframe),
+        )
 
     def exported(self, frame: int, resolution: Resolution) -> Any:
         """Export a frame, or return what its first export returned."""

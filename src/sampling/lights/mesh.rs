@@ -7,8 +7,8 @@ use glam::{Vec2, Vec3A};
 
 use super::tree::{Extent, NormalCone};
 use super::{Emitter, LightClass, LightSample, Receiver};
-use crate::math::luminance;
 use crate::math::warp::sample_triangle;
+use crate::math::{MIDDLE_TIME, luminance};
 use crate::sampling::discrete::Discrete;
 use crate::scene::{self, Camera, Image, Instance, Material, Mesh, Reach, SceneFrame};
 use crate::shader::{Closure, Point, Program, RayInfo};
@@ -39,7 +39,7 @@ pub fn emitted_radiance(
     let Some(material) = frame.material_of(instance, triangle) else {
         return Vec3A::ZERO;
     };
-    let facet = scene::Facet::new(frame, instance, triangle);
+    let facet = scene::Facet::new(frame, instance, triangle, MIDDLE_TIME);
     let ray = RayInfo::default();
     let point = facet.point(barycentric, direction, direction.length(), &ray);
     glow_of(&material.emission, &point, &frame.images)
@@ -107,7 +107,13 @@ impl Shading {
     }
 
     fn radiance(&self, nodes: &Program, triangle: u32, at: Vec2, direction: Vec3A) -> Vec3A {
-        let facet = scene::Facet::of(&self.camera, &self.instance, &self.mesh, triangle);
+        let facet = scene::Facet::of(
+            &self.camera,
+            &self.instance,
+            &self.mesh,
+            triangle,
+            MIDDLE_TIME,
+        );
         let ray = RayInfo::default();
         let point = facet.point(at, direction, direction.length(), &ray);
         glow_of(nodes, &point, &self.images)
@@ -185,7 +191,7 @@ fn facets(frame: &SceneFrame, instance: u32, glows: &[Glow]) -> Vec<Facet> {
             triangle,
             corners: mesh
                 .corners(triangle)
-                .map(|corner| placed.world_from_object.transform_point3a(corner)),
+                .map(|corner| placed.placement.world_from_object.transform_point3a(corner)),
             glow: slot as u32,
         })
         .collect()

@@ -162,6 +162,8 @@ pub struct LightSampler {
     small_sky: Option<Arc<SmallSky>>,
     /// Glowing instances, in rising order; their lights come last in `lights`.
     glowing: Vec<u32>,
+    /// Whether some glow and move: those are left to scattered rays, which know the time.
+    has_moving_glow: bool,
     choice: Choice,
     /// Where there are too many lamps to ask each whether a ray meets it.
     lamp_finder: Option<LampFinder>,
@@ -185,9 +187,13 @@ impl LightSampler {
         lights.extend(sun.map(|sun| Box::new(sun) as Box<dyn Emitter>));
         let environment = lamps..lights.len();
         reaches.resize(lights.len(), frame.world.reach);
-        let mut glowing = Vec::new();
+        let (mut glowing, mut has_moving_glow) = (Vec::new(), false);
         for instance in 0..frame.instances.len() as u32 {
             if let Some(light) = MeshLight::new(frame, instance) {
+                if frame.moves(instance) {
+                    has_moving_glow = true;
+                    continue;
+                }
                 glowing.push(instance);
                 lights.push(Box::new(light));
                 reaches.push(reach_of_surface(frame, instance));
@@ -203,6 +209,7 @@ impl LightSampler {
             sky: sky_index,
             small_sky: None,
             glowing,
+            has_moving_glow,
             world: frame.world.clone(),
             image_tables,
         }
@@ -238,7 +245,7 @@ impl LightSampler {
 
     /// Whether a ray can run into a light other than the surroundings.
     pub fn can_be_met(&self) -> bool {
-        self.lamps > 0 || !self.glowing.is_empty()
+        self.lamps > 0 || !self.glowing.is_empty() || self.has_moving_glow
     }
 
     /// Lights and directions to them from a point whose lit side `normal` is on. Their contributions

@@ -5,7 +5,7 @@ use glam::{Affine3A, EulerRot, Mat3A, Quat, Vec2, Vec3};
 use super::*;
 use crate::contract::{Given, Numbers};
 use crate::math::statistics::{DirectionTest, MAX_SCORE, Random, chi_square_score};
-use crate::scene::{Instance, Material, Mesh, Visibility};
+use crate::scene::{Instance, Material, Mesh, Placement, Shutter, Visibility};
 use crate::shader::{Draft, ObjectInfo};
 
 mod many;
@@ -29,6 +29,7 @@ fn frame_of(lights: Vec<Light>, world: World) -> SceneFrame {
         images: vec![],
         lights,
         camera: crate::testing::camera(Vec3::ZERO, Vec3::Y, 1.0),
+        shutter: Shutter::default(),
         world,
     }
 }
@@ -94,13 +95,11 @@ fn glowing_square() -> SceneFrame {
     let scale = Vec3::new(0.5, 1.0, 1.0);
     let placement =
         Affine3A::from_scale_rotation_translation(scale, Quat::IDENTITY, Vec3::new(0.0, 0.0, 2.0));
-    let inverse = placement.inverse();
     let instance = Instance {
         mesh: 0,
         key: 0,
-        world_from_object: placement,
-        object_from_world: inverse,
-        world_from_normal: inverse.matrix3.transpose(),
+        placement: Placement::new(placement),
+        motion: None,
         info: ObjectInfo::default(),
         materials: vec![0, 1],
         visibility: Visibility::ALL,

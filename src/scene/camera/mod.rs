@@ -5,14 +5,16 @@
 //! goes through the aperture's middle.
 
 mod lens;
+mod motion;
 mod panorama;
 
 use glam::{Affine3A, Mat4, Vec2, Vec3A};
 
 use crate::error::{Error, Result};
-use crate::math::Ray;
+use crate::math::{MIDDLE_TIME, Ray};
 use crate::shader::View;
 pub use lens::Lens;
+pub use motion::CameraMotion;
 pub use panorama::Panorama;
 
 /// A camera.
@@ -48,6 +50,14 @@ pub struct ImagePlane {
 impl ImagePlane {
     fn at(&self, film: Vec2) -> Vec2 {
         self.centre + self.half * (2.0 * film - 1.0)
+    }
+
+    /// The plane a share `s` of the way to another.
+    fn towards(&self, next: &Self, s: f32) -> Self {
+        Self {
+            half: self.half.lerp(next.half, s),
+            centre: self.centre.lerp(next.centre, s),
+        }
     }
 
     fn film(&self, plane: Vec2) -> Vec2 {
@@ -123,6 +133,17 @@ impl Camera {
         })
     }
 
+    /// The camera at a share of the shutter's time.
+    pub fn moved(&self, motion: &CameraMotion, time: f32) -> Self {
+        let world_from_camera = motion.placement_at(time);
+        Self {
+            world_from_camera,
+            camera_from_world: world_from_camera.inverse(),
+            projection: motion.projection_at(time).unwrap_or(self.projection),
+            ..*self
+        }
+    }
+
     /// The ray through a point of the film, given as shares of the frame's width and height from the
     /// lower left corner, and the point of the aperture that `u_lens` chooses. Its direction has unit
     /// length, its bounds are the clipping distances. None outside of a fisheye's picture.
@@ -151,6 +172,7 @@ impl Camera {
             direction: self.world_from_camera.transform_vector3a(direction),
             t_min: self.clip[0] * stretch,
             t_max: self.clip[1] * stretch,
+            time: MIDDLE_TIME,
         })
     }
 

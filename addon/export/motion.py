@@ -1,0 +1,202 @@
+"""What moves while the shutter is open: objects, vertices, the camera.
+
+The rest of the export shows the middle of the shutter's time. From there the scene is moved to the
+times that the objects and the camera ask for, and what differs there is kept.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from array import array
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .cache import CachedMesh, ExportCache
+from .camera import camera_matrices
+from .instance import InstanceTable, Shape
+from .points import placements, read_points
+from .report import ExportStopped
+from .shutter import SetTime, Shutter, Times, motion_steps, motion_times, set_time
+from .transform import is_singular
+
+# Relative difference of two matrices from which on something moves.
+STILL = 1e-6
+# The camera's arrays at one time, and those of the contract for all times.
+CAMERA_ARRAYS = {"world_from_camera": "camera_motion", "clip_from_camera": "camera_motion_clip"}
+
+
+@dataclass
+class MotionTable:
+    """What differs from the middle of the shutter's time, for the objects of an exported frame."""
+
+    depsgraph: bpy.types.Depsgraph
+    cache: ExportCache
+    instances: InstanceTable
+    camera: dict[str, np.ndarray]
+    resolution: tuple[int, int]
+    should_stop: Callable[[], bool]
+    # By time: rows (N,) of the instances that were there, and where they were (N, 3, 4).
+    _matrices: dict[Fraction, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+    # By shape: positions (V, 3) at the times when Blender evaluated it anew.
+    _positions: dict[int, dict[Fraction, np.ndarray]] = field(default_factory=dict)
+    # What was not there, or another thing, at some time.
+    _lost_shapes: set[int] = field(default_factory=set)
+    _camera: dict[Fraction, dict[str, np.ndarray]] = field(default_factory=dict)
+    _camera_times: Times = ()
+
+    def read(self, shutter: Shutter, middle: float, move: SetTime) -> None:
+        """Look at the scene at all times but the middle one, which is `middle` [frames].
+
+        Leaves the scene at the last of them. Raises ExportStopped.
+        """
+        camera = self.depsgraph.scene.camera
+        self._camera_times = motion_times(motion_steps(camera, camera)[0])
+        times = set(self._camera_times).union(*{p.times for p in self.instances.placed()})
+        for time in sorted(times - {Fraction(0)}):
+            if self.should_stop():
+                raise ExportStopped
+            set_time(move, middle + 0.5 * float(time) * shutter.length)
+            if time in self._camera_times:
+                found = camera.evaluated_get(self.depsgraph)
+                self._camera[time] = camera_matrices(found, self.depsgraph, self.resolution)
+            self._read_objects(time)
+
+    def _read_objects(self, time: Fraction) -> None:
+        changed = self.cache.changed(self.depsgraph)
+        rows, matrices = array("q"), array("f")
+        read: set[int] = set()
+        for item, owner, all_placed in self.instances.visit_again():
+            for placed in all_placed:
+                if time not in placed.times:
+                    continue
+                found = np.array(item.matrix_world, np.float32)[None, :3]
+                if placed.shape.balls is not None:
+                    found = placements(found[0], *read_points(owner.data))
+                if len(found) == placed.count:
+                    rows.extend(range(placed.row, placed.row + placed.count))
+                    matrices.frombytes(found.tobytes())
+                shape = placed.shape
+                if placed.is_deforming and id(shape) not in read:
+                    read.add(id(shape))
+                    if owner.original.session_uid in changed:
+                        self._read_form(shape, owner, time)
+        found = np.frombuffer(matrices, np.float32).reshape(-1, 3, 4)
+        self._matrices[time] = (np.frombuffer(rows, np.int64), found)
+
+    def _read_form(self, shape: Shape, owner: Any, time: Fraction) -> None:
+        positions = shape.positions(owner) if shape.positions else None
+        if positions is None or positions.shape != self._base_positions(shape).shape:
+            self._lost_shapes.add(id(shape))
+        else:
+            self._positions.setdefault(id(shape), {})[time] = positions
+
+    def _base_positions(self, shape: Shape) -> np.ndarray:
+        return np.asarray(self.instances.meshes[shape.mesh].handle.vertices)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The arrays of the contract that tell of motion; `instances` gets the meshes in motion."""
+        moving = dict(self._moving_meshes())
+        meshes = {"instance_mesh": self.instances.exchange(moving)} if moving else {}
+        return self._camera_arrays() | self._instance_arrays() | meshes
+
+    def _camera_arrays(self) -> dict[str, np.ndarray]:
+        """`camera_motion` and `camera_motion_clip` of the contract."""
+        at_times = [self._camera.get(time, self.camera) for time in self._camera_times]
+        moves = any(
+            not np.allclose(found[name], self.camera[name], rtol=STILL, atol=STILL)
+            for found in at_times
+            for name in CAMERA_ARRAYS
+        )
+        still = still_arrays()
+        return {
+            sent: np.stack([found[name] for found in at_times]) if moves else still[sent]
+            for name, sent in CAMERA_ARRAYS.items()
+        }
+
+    def _instance_arrays(self) -> dict[str, np.ndarray]:
+        """`motion_instances`, `motion_spans` and `motion_placements` of the contract."""
+        keep = self.instances.keep
+        rows_at: dict[Times, list[int]] = {}
+        for placed in self.instances.placed():
+            rows_at.setdefault(placed.times, []).extend(
+                range(placed.row, placed.row + placed.count)
+            )
+        rows, ways = [], []
+        for times, members in rows_at.items():
+            wanted = np.array(members, np.int64)
+            way = self._ways(wanted, times)
+            ways.append(way[moving := self._moves(way) & keep[wanted]])
+            rows.append((np.cumsum(keep) - 1)[wanted[moving]])
+        return packed(rows, ways)
+
+    def _ways(self, rows: np.ndarray, times: Times) -> np.ndarray:
+        """Matrices (N, times, 3, 4); NaN where an instance was not there."""
+        base = self.instances.all_matrices()
+        ways = np.full((len(rows), len(times), 3, 4), np.nan, np.float32)
+        for index, time in enumerate(times):
+            at_time = base
+            if time in self._matrices:
+                there, matrices = self._matrices[time]
+                at_time = np.full_like(base, np.nan)
+                at_time[there] = matrices
+            ways[:, index] = at_time[rows]
+        return ways
+
+    def _moves(self, ways: np.ndarray) -> np.ndarray:
+        """Which of the ways (N, times, 3, 4) lead anywhere, and can be gone."""
+        if ways.shape[1] == 0:
+            return np.zeros(len(ways), bool)
+        middle = ways[:, ways.shape[1] // 2, None]
+        differs = np.abs(ways - middle) > STILL * np.maximum(1.0, np.abs(middle))
+        regular = ~is_singular(ways.reshape(-1, 3, 4)).reshape(ways.shape[:2])
+        return differs.any(axis=(1, 2, 3)) & regular.all(axis=1)
+
+    def _moving_meshes(self) -> Iterator[tuple[int, CachedMesh]]:
+        """The shapes that change their form, by `id`, and their meshes in motion."""
+        shapes = {id(placed.shape): placed for placed in self.instances.placed()}
+        for name, found in self._positions.items():
+            placed = shapes[name]
+            base = self._base_positions(placed.shape)
+            moves = any((positions != base).any() for positions in found.values())
+            if moves and name not in self._lost_shapes:
+                mesh = self.instances.meshes[placed.shape.mesh]
+                at_times = np.stack([found.get(time, base) for time in placed.times])
+                yield name, self._moving(mesh, at_times)
+
+    def _moving(self, mesh: CachedMesh, positions: np.ndarray) -> CachedMesh:
+        content = hashlib.blake2b(mesh.digest, digest_size=16)
+        content.update(positions)
+        return self.cache.moving(mesh, content.digest(), positions)
+
+
+def packed(rows: list[np.ndarray], ways: list[np.ndarray]) -> dict[str, np.ndarray]:
+    """The arrays of the contract for instances (N,) and their ways (N, times, 3, 4), in groups."""
+    still = still_arrays()
+    if not any(len(way) for way in ways):
+        return {name: values for name, values in still.items() if name.startswith("motion")}
+    counts = np.concatenate([np.full(len(way), way.shape[1]) for way in ways])
+    spans = np.stack([np.cumsum(counts) - counts, counts], axis=1)
+    instances = np.concatenate(rows)
+    order = np.argsort(instances)
+    return {
+        "motion_instances": instances[order].astype(np.uint32),
+        "motion_spans": spans[order].astype(np.uint32),
+        "motion_placements": np.concatenate([way.reshape(-1, 3, 4) for way in ways]),
+    }
+
+
+def still_arrays() -> dict[str, np.ndarray]:
+    """The arrays of the contract for motion, where there is none."""
+    return {
+        "camera_motion": np.empty((0, 3, 4), np.float32),
+        "camera_motion_clip": np.empty((0, 4, 4), np.float32),
+        "motion_instances": np.empty(0, np.uint32),
+        "motion_spans": np.empty((0, 2), np.uint32),
+        "motion_placements": np.empty((0, 3, 4), np.float32),
+        "shutter_curve": np.empty(0, np.float32),
+    }
