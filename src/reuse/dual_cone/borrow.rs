@@ -100,7 +100,6 @@ struct Block {
 /// Where a block lies in a lender.
 struct Place {
     position: Vec3A,
-    geometric_normal: Vec3A,
     /// Lower left pixel of the block.
     x: i64,
     y: i64,
@@ -261,31 +260,24 @@ impl Borrow<'_> {
     }
 
     /// Where the block lies in a lender: the same pixel in the target itself; elsewhere around the
-    /// projection of the point, which moves with its object.
+    /// projection of the point, which moves with its object. Records keep their directions: where the
+    /// object has turned too far, their normals say that they looked elsewhere.
     fn place(&self, block: &Block, lender: usize, x: usize, y: usize) -> Option<Place> {
         let half = self.half_block as i64;
         let frame = self.lenders[lender];
         if frame == self.target {
             return Some(Place {
                 position: block.position,
-                geometric_normal: block.geometric_normal,
                 x: x as i64 - half,
                 y: y as i64 - half,
                 is_of_object: false,
             });
         }
-        let (position, geometric_normal, is_of_object) =
-            match self.motions[lender][block.object as usize] {
-                Motion::Absent => return None,
-                Motion::Still => (block.position, block.geometric_normal, false),
-                Motion::Rigid(matrix) => (
-                    matrix.transform_point3a(block.position),
-                    matrix
-                        .transform_vector3a(block.geometric_normal)
-                        .normalize_or_zero(),
-                    true,
-                ),
-            };
+        let (position, is_of_object) = match self.motions[lender][block.object as usize] {
+            Motion::Absent => return None,
+            Motion::Still => (block.position, false),
+            Motion::Rigid(matrix) => (matrix.transform_point3a(block.position), true),
+        };
         let view = &self.views[frame];
         let (x, y) = view
             .region
@@ -295,7 +287,6 @@ impl Borrow<'_> {
         let near = x > -reach && x < view.region.width as i64 + reach;
         near.then_some(Place {
             position,
-            geometric_normal,
             x: x - half,
             y: y - half,
             is_of_object,
@@ -350,7 +341,7 @@ impl<V: Vector> Wanted<V> {
         Self {
             position: vector(place.position),
             // Records hold whole numbers.
-            geometric_normal: vector(place.geometric_normal / UNIT),
+            geometric_normal: vector(block.geometric_normal / UNIT),
             normal: vector(block.normal / UNIT),
             object: place.is_of_object.then(|| V::splat(block.object)),
             distance_squared: V::splat(block.distance_squared),
