@@ -1,4 +1,4 @@
-"""Cameras, motion and film."""
+"""Cameras and film."""
 
 from __future__ import annotations
 
@@ -38,33 +38,6 @@ def aspect(stage: Stage) -> None:
     stage.camera.data.sensor_fit = "VERTICAL"
 
 
-def motion(stage: Stage, thing: str, change: str, value: tuple[float, ...], **render: Any) -> None:
-    """Something that moves, turns or grows from frame 0 to frame 2; frame 1 is rendered."""
-    mover = getattr(stage, thing)
-    start = tuple(getattr(mover, change))
-    for frame, sign in ((0, -1.0), (2, 1.0)):
-        setattr(mover, change, tuple(a + sign * b for a, b in zip(start, value, strict=True)))
-        mover.keyframe_insert(change, frame=frame)
-    stage.scene.frame_set(1)
-    stage.scene.render.use_motion_blur = True
-    for name, setting in render.items():
-        owner = stage.scene.render if hasattr(stage.scene.render, name) else stage.scene.cycles
-        setattr(owner, name, setting)
-
-
-def deformation(stage: Stage) -> None:
-    """A ball that a shape key stretches."""
-    stage.ball.shape_key_add(name="Basis")
-    key = stage.ball.shape_key_add(name="Long")
-    for point in key.data:
-        point.co.z *= 2.0
-    for frame, value in ((0, 0.0), (2, 1.0)):
-        key.value = value
-        key.keyframe_insert("value", frame=frame)
-    stage.scene.frame_set(1)
-    stage.scene.render.use_motion_blur = True
-
-
 def pixel_filter(stage: Stage, kind: str, width: float) -> None:
     set_known(stage.scene.cycles, pixel_filter_type=kind, filter_width=width)
     set_known(getattr(stage.scene, "dualcone", None), filter=kind, filter_width=width)
@@ -101,17 +74,6 @@ CAMERAS = table(
     ("pixel aspect", aspect),
 )  # fmt: skip
 
-MOTION = table(
-    "motion blur",
-    ("object moves", motion, {"thing": "ball", "change": "location", "value": (1.0, 0.0, 0.3)}),
-    ("object turns", motion, {"thing": "cube", "change": "rotation_euler", "value": (0.0, 0.0, 1.0)}),
-    ("object grows", motion, {"thing": "cube", "change": "scale", "value": (0.5, 0.0, 0.5)}),
-    ("camera moves", motion, {"thing": "camera", "change": "location", "value": (0.6, 0.0, 0.0)}),
-    ("camera turns", motion, {"thing": "camera", "change": "rotation_euler", "value": (0.0, 0.0, 0.1)}),
-    ("shutter 1, at start", motion, {"thing": "ball", "change": "location", "value": (1.0, 0.0, 0.0), "motion_blur_shutter": 1.0, "motion_blur_position": "START"}),
-    ("deformation", deformation),
-)  # fmt: skip
-
 FILM = table(
     "film",
     ("box filter", pixel_filter, {"kind": "BOX", "width": 1.5}),
@@ -121,4 +83,4 @@ FILM = table(
     ("transparent glass", transparent_glass),
 )
 
-ROWS = CAMERAS + MOTION + FILM
+ROWS = CAMERAS + FILM

@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
-from . import cameras, geometry, lights, materials, visibility, worlds
+from . import cameras, geometry, lights, materials, motion, visibility, worlds
 
-ROWS = lights.ROWS + worlds.ROWS + visibility.ROWS + geometry.ROWS + materials.ROWS + cameras.ROWS
+ROWS = (
+    lights.ROWS
+    + worlds.ROWS
+    + visibility.ROWS
+    + geometry.ROWS
+    + materials.ROWS
+    + cameras.ROWS
+    + motion.ROWS
+)
