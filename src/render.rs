@@ -364,3 +364,6 @@ impl Iterations<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

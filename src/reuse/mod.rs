@@ -290,6 +290,4 @@ pub fn with_estimator<W: WithEstimator>(settings: &Settings, work: W) -> W::Outp
 }
 
 #[cfg(test)]
-mod motion_tests;
-#[cfg(test)]
 mod tests;

@@ -140,7 +140,10 @@ class TestFrames:
 
 
 class TestTheScene:
-    def test_is_left_where_it_was(self, shot: Any) -> None:
+    @pytest.mark.parametrize("is_blurred", [False, True])
+    def test_is_left_where_it_was(self, shot: Any, is_blurred: bool) -> None:
+        shot.render.use_motion_blur = is_blurred
+        shot.render.motion_blur_position = "START"
         shot.frame_set(2, subframe=0.25)
         bpy.ops.render.render()
         assert (shot.frame_current, shot.frame_subframe) == (2, 0.25)

@@ -58,10 +58,14 @@ def still_combined(scene: Any, frame: int, seen: Frames) -> NDArray[np.float32]:
 
 @pytest.mark.parametrize("method", ["DUAL_CONE", "PAPER", "PATH"])
 class TestBits:
+    @pytest.mark.parametrize("shutter", ["closed", "CENTER", "END"])
     def test_do_not_depend_on_groups_threads_or_neighbours_rendered(
-        self, shot: Any, seen: Frames, method: str
+        self, shot: Any, seen: Frames, method: str, shutter: str
     ) -> None:
         shot.dualcone.method = method
+        if shutter != "closed":
+            shot.render.use_motion_blur = True
+            shot.render.motion_blur_position = shutter
         animation = animated_bits(seen)
         assert set(animation) == {1, 2, 3, 4}
         assert len(set(animation.values())) == 4
