@@ -128,8 +128,8 @@ pub const IMAGE: &[ArraySpec] = &[array(
     "pixels",
     F32,
     &["H", "W", "4"],
-    "scene linear RGBA",
-    "Rows from the bottom up, as Blender stores them. Alpha is straight.",
+    "RGBA",
+    "Rows from the bottom up, as Blender stores them, in the encoding that the image is made with: LINEAR is scene linear, BYTE the same in 8 bits, SRGB in 8 bits that are decoded behind the filter.",
 )];
 
 /// Arrays of one frame: `dualcone.SceneFrame(frame, meshes, images, arrays)`.

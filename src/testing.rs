@@ -10,8 +10,8 @@ use crate::film::Region;
 use crate::progress::Progress;
 use crate::render::{Job, Rendered, render};
 use crate::scene::{
-    Camera, Extension, Image, Instance, Interpolation, Lens, Light, Material, Mesh, Placement,
-    Projection, Reach, SceneFrame, Shutter, Visibility, World,
+    Camera, Image, Instance, Lens, Light, Lookup, Material, Mesh, Placement, Projection, Reach,
+    SceneFrame, Shutter, Visibility, World,
 };
 use crate::shader::ObjectInfo;
 
@@ -98,7 +98,7 @@ pub(crate) fn image_world(
     let texels = (0..width * height).map(|i| radiance(i % width, i / width).extend(1.0));
     let pixels: Vec<f32> = texels.flat_map(|texel| texel.to_array()).collect();
     let given = given("pixels", &[height, width, 4], Numbers::F32(&pixels));
-    let image = Image::new(vec![given], Extension::Repeat, Interpolation::Linear).unwrap();
+    let image = Image::new(vec![given], Lookup::default()).unwrap();
     World {
         image: Some(Arc::new(image)),
         ..plain_world(1.0)

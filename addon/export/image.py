@@ -1,4 +1,4 @@
-"""Images as float32 RGBA in scene-linear colour, rows from the bottom up."""
+"""Images as RGBA, rows from the bottom up: bytes stay bytes, all else is scene-linear float32."""
 
 from __future__ import annotations
 
@@ -35,8 +35,19 @@ class ImageUse:
     image: bpy.types.Image
     extension: str = "REPEAT"
     interpolation: str = "Linear"
-    # Cycles multiplies colour by alpha unless the alpha of the node is used as well.
+    # Colours are multiplied by alpha unless the alpha of the node is used as well.
     multiply_alpha: bool = False
+
+
+@dataclass(frozen=True)
+class Texels:
+    """What the renderer is given: colours (H, W, 4), and what their numbers mean."""
+
+    pixels: np.ndarray
+    # LINEAR, or what fits 8 bits: BYTE and SRGB.
+    encoding: str = "LINEAR"
+    # Whether colours are to be divided by alpha behind the filter.
+    divides_alpha: bool = False
 
 
 class ImageTable:
@@ -73,10 +84,11 @@ class ImageTable:
     def _load(self, use: ImageUse, key: tuple) -> CachedImage:
         _warn(use.image, self._warnings)
         if key not in self._cache.images:
-            pixels = read_pixels(use, self._warnings)
-            handle = self._core.Image(pixels, use.extension, use.interpolation)
-            digest = hashlib.blake2b(repr(key[1:3]).encode(), digest_size=16)
-            digest.update(pixels)
+            texels = read_texels(use, self._warnings)
+            how = (use.extension, use.interpolation, texels.encoding, texels.divides_alpha)
+            handle = self._core.Image(texels.pixels, *how)
+            digest = hashlib.blake2b(repr(how).encode(), digest_size=16)
+            digest.update(texels.pixels)
             self._cache.images[key] = CachedImage(handle, digest.digest())
             self._cache.statistics.images_built += 1
         image = self._cache.images[key]
@@ -85,17 +97,24 @@ class ImageTable:
         return image
 
 
-def read_pixels(use: ImageUse, warnings: Warnings) -> np.ndarray:
-    """Pixels (H, W, 4); one magenta pixel if there are none."""
+def read_texels(use: ImageUse, warnings: Warnings) -> Texels:
+    """What Cycles holds of an image; one magenta pixel if there are none."""
     image = use.image
     width, height = image.size  # makes Blender load the file
     if width * height == 0:
-        return np.full((1, 1, 4), MAGENTA, np.float32)
+        return Texels(np.full((1, 1, 4), MAGENTA, np.float32))
     pixels = np.empty((height, width, 4), np.float32)
     _read_rgba(image, pixels)
-    _settle_alpha(image, pixels, use.multiply_alpha)
-    _to_scene_linear(image, pixels, warnings)
-    return pixels
+    if image.alpha_mode == "NONE":
+        pixels[..., 3] = 1.0
+    apart = image.alpha_mode in ("NONE", "CHANNEL_PACKED") or _is_data(image)
+    if image.is_float:
+        encoding = "LINEAR"  # Blender converted and multiplied when it loaded the file
+    else:
+        encoding = _decode(image, pixels, warnings)
+        if not apart:
+            _multiply_alpha(pixels, in_bytes=encoding == "SRGB")
+    return Texels(pixels, encoding, not apart and not use.multiply_alpha)
 
 
 def _read_rgba(image: bpy.types.Image, pixels: np.ndarray) -> None:
@@ -109,21 +128,14 @@ def _read_rgba(image: bpy.types.Image, pixels: np.ndarray) -> None:
     pixels[..., :3] = raw if channels == 3 else raw[..., :1]
 
 
-def _settle_alpha(image: bpy.types.Image, pixels: np.ndarray, multiply: bool) -> None:
-    """Colours straight, or multiplied by alpha: like Cycles before they are decoded.
-
-    Blender keeps byte images straight and float images multiplied.
-    """
-    if image.alpha_mode == "NONE":
-        pixels[..., 3] = 1.0
-    apart = image.alpha_mode in ("NONE", "CHANNEL_PACKED") or _is_data(image)
-    if apart or multiply == image.is_float:
-        return
+def _multiply_alpha(pixels: np.ndarray, in_bytes: bool) -> None:
+    """Multiply colours by alpha; bytes are rounded down, as Cycles does."""
     color, alpha = pixels[..., :3], pixels[..., 3:]
-    if multiply:
-        color *= alpha
-    else:
-        np.divide(color, alpha, out=color, where=alpha > 0.0)
+    color *= alpha
+    if in_bytes:
+        # The products of two bytes over 255 that are whole must not fall below themselves.
+        np.floor(color * 255.0 + 1e-3, out=color)
+        color /= 255.0
 
 
 def _is_data(image: bpy.types.Image) -> bool:
@@ -132,28 +144,40 @@ def _is_data(image: bpy.types.Image) -> bool:
     return settings.is_data or settings.name in DATA_SPACES
 
 
-def _to_scene_linear(image: bpy.types.Image, pixels: np.ndarray, warnings: Warnings) -> None:
-    """Colours from the image's own space. Float buffers were converted when Blender loaded them."""
+def _decode(image: bpy.types.Image, pixels: np.ndarray, warnings: Warnings) -> str:
+    """Convert bytes from the image's own space where they do not stay bytes; say what they are."""
     space = image.colorspace_settings.name
-    if image.is_float or _is_data(image):
-        return
+    if _is_data(image):
+        return "BYTE"
     if space in LINEAR_SPACES and hasattr(Color, LINEAR_SPACES[space]):
         _apply_matrix(pixels, LINEAR_SPACES[space])
-        return
+        return "LINEAR"
     if space != "sRGB":
         warnings.add(image.name, f"colour space {space} is not known, its colours are read as sRGB")
+    if _is_identity(_scene_from_space(LINEAR_SPACES["Linear Rec.709"])):
+        return "SRGB"
     # 256 possible values: a table is ten times faster than the power function.
     codes = np.rint(pixels[..., :3] * 255.0).astype(np.uint8)
     pixels[..., :3] = srgb_to_linear(np.arange(256, dtype=np.float32) / 255.0)[codes]
     _apply_matrix(pixels, LINEAR_SPACES["Linear Rec.709"])
+    return "LINEAR"
 
 
 def _apply_matrix(pixels: np.ndarray, method: str) -> None:
-    """Convert the primaries as Blender's colour management does, by what it does to the axes."""
-    axes = [getattr(Color(axis), method)()[:] for axis in np.eye(3).tolist()]
-    scene_from_space = np.array(axes, np.float32).T
-    if not np.allclose(scene_from_space, np.eye(3), atol=1e-5):
+    """Convert the primaries as Blender's colour management does."""
+    scene_from_space = _scene_from_space(method)
+    if not _is_identity(scene_from_space):
         pixels[..., :3] = pixels[..., :3] @ scene_from_space.T
+
+
+def _scene_from_space(method: str) -> np.ndarray:
+    """The matrix (3, 3) of a conversion, by what it does to the axes."""
+    axes = [getattr(Color(axis), method)()[:] for axis in np.eye(3).tolist()]
+    return np.array(axes, np.float32).T
+
+
+def _is_identity(matrix: np.ndarray) -> bool:
+    return np.allclose(matrix, np.eye(3), atol=1e-5)
 
 
 def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:

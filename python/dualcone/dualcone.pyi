@@ -127,13 +127,18 @@ class Mesh:
 
 @final
 class Image:
-    """An image (H, W, 4), scene linear RGBA; texels that are not finite become black."""
+    """An image (H, W, 4), RGBA; texels that are not finite become black.
+
+    `SRGB` texels are decoded behind the filter; `divides_alpha` divides colours by alpha there.
+    """
 
     def __new__(
         cls,
         pixels: NDArray[np.float32],
         extension: Literal["REPEAT", "EXTEND", "CLIP", "MIRROR"] = "REPEAT",
-        interpolation: Literal["Linear", "Closest"] = "Linear",
+        interpolation: Literal["Linear", "Closest", "Cubic"] = "Linear",
+        encoding: Literal["LINEAR", "BYTE", "SRGB"] = "LINEAR",
+        divides_alpha: bool = False,
     ) -> Image: ...
     @property
     def replaced_texels(self) -> int: ...

@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 
 use super::arrays::Held;
 use crate::contract::{FRAME, IMAGE, MESH, MESH_MOTION};
-use crate::scene::{self, Extension, Interpolation};
+use crate::scene::{self, Encoding, Extension, Interpolation, Lookup};
 
 /// A triangle mesh in object space; hand the same one to every frame that shows it unchanged.
 #[pyclass(frozen)]
@@ -73,22 +73,22 @@ pub struct Image(pub Arc<scene::Image>);
 #[pymethods]
 impl Image {
     #[new]
-    #[pyo3(signature = (pixels, extension = "REPEAT", interpolation = "Linear"))]
-    fn new(pixels: Bound<'_, PyAny>, extension: &str, interpolation: &str) -> PyResult<Self> {
-        let extension = match extension {
-            "REPEAT" => Extension::Repeat,
-            "EXTEND" => Extension::Extend,
-            "CLIP" => Extension::Clip,
-            "MIRROR" => Extension::Mirror,
-            other => return Err(unknown("extension", other, "REPEAT, EXTEND, CLIP, MIRROR")),
-        };
-        let interpolation = match interpolation {
-            "Linear" => Interpolation::Linear,
-            "Closest" => Interpolation::Closest,
-            other => return Err(unknown("interpolation", other, "Linear, Closest")),
+    #[pyo3(signature = (pixels, extension = "REPEAT", interpolation = "Linear", encoding = "LINEAR", divides_alpha = false))]
+    fn new(
+        pixels: Bound<'_, PyAny>,
+        extension: &str,
+        interpolation: &str,
+        encoding: &str,
+        divides_alpha: bool,
+    ) -> PyResult<Self> {
+        let lookup = Lookup {
+            extension: chosen("extension", extension, &EXTENSIONS)?,
+            interpolation: chosen("interpolation", interpolation, &INTERPOLATIONS)?,
+            encoding: chosen("encoding", encoding, &ENCODINGS)?,
+            divides_alpha,
         };
         let held = Held::of_list(IMAGE, &[pixels])?;
-        let image = scene::Image::new(held.given()?, extension, interpolation)?;
+        let image = scene::Image::new(held.given()?, lookup)?;
         Ok(Self(Arc::new(image)))
     }
 
@@ -99,8 +99,31 @@ impl Image {
     }
 }
 
-fn unknown(field: &str, value: &str, words: &str) -> PyErr {
-    PyValueError::new_err(format!("{field}: {value} is not one of {words}"))
+const EXTENSIONS: [(&str, Extension); 4] = [
+    ("REPEAT", Extension::Repeat),
+    ("EXTEND", Extension::Extend),
+    ("CLIP", Extension::Clip),
+    ("MIRROR", Extension::Mirror),
+];
+const INTERPOLATIONS: [(&str, Interpolation); 3] = [
+    ("Linear", Interpolation::Linear),
+    ("Closest", Interpolation::Closest),
+    ("Cubic", Interpolation::Cubic),
+];
+const ENCODINGS: [(&str, Encoding); 3] = [
+    ("LINEAR", Encoding::Linear),
+    ("BYTE", Encoding::Byte),
+    ("SRGB", Encoding::Srgb),
+];
+
+/// What a word of a list stands for.
+fn chosen<T: Copy>(field: &str, word: &str, list: &[(&str, T)]) -> PyResult<T> {
+    let found = list.iter().find(|(known, _)| *known == word);
+    found.map(|(_, value)| *value).ok_or_else(|| {
+        let words: Vec<&str> = list.iter().map(|(known, _)| *known).collect();
+        let words = words.join(", ");
+        PyValueError::new_err(format!("{field}: {word} is not one of {words}"))
+    })
 }
 
 /// Everything one frame shows.

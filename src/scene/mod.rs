@@ -12,7 +12,7 @@ mod visibility;
 mod window;
 pub mod world;
 
-pub use crate::image::{Extension, Image, Interpolation};
+pub use crate::image::{Encoding, Extension, Image, Interpolation, Lookup};
 pub use camera::{Camera, CameraMotion, Lens, Panorama, Projection};
 pub use facet::Facet;
 pub use frame::{Instance, SceneFrame, Shutter, interpolate};

@@ -67,7 +67,18 @@ class RecordedImage:
     pixels: np.ndarray
     extension: str
     interpolation: str
+    encoding: str = "LINEAR"
+    divides_alpha: bool = False
     replaced_texels: int = 0
+
+    def seen(self) -> np.ndarray:
+        """What a look at the middle of each texel returns."""
+        color, alpha = self.pixels[..., :3], self.pixels[..., 3:]
+        if self.divides_alpha:
+            color = np.divide(color, alpha, out=color.copy(), where=alpha > 0.0)
+        if self.encoding == "SRGB":
+            color = sys.modules[export.__name__ + ".image"].srgb_to_linear(color)
+        return np.concatenate([color, alpha], axis=-1)
 
 
 @dataclass

@@ -82,9 +82,8 @@ def assert_cycles_shows(frame: Any, folder: Path) -> None:
     """Compare all texels that are not fully transparent; Cycles blackens those."""
     (image,) = frame.images
     theirs = render_with_cycles(folder, 8, samples=1)[2::4, 2::4, :3]
-    seen = image.pixels[..., 3] > 0.0
-    # Cycles rounds the product of byte colours and alpha to bytes again.
-    assert np.allclose(image.pixels[seen, :3], theirs[seen], atol=6e-3)
+    shown = image.pixels[..., 3] > 0.0
+    assert np.allclose(image.seen()[shown, :3], theirs[shown], atol=1e-3)
 
 
 @pytest.mark.parametrize("with_alpha", [False, True])

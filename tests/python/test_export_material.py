@@ -136,8 +136,7 @@ def test_the_simple_shaders() -> None:
         (closure,), warnings = closures_of(
             lambda tree, name=name, inputs=inputs: node(tree, name, **inputs).outputs[0]
         )
-        tinted = "'Wood': Colour of Transparent BSDF is not rendered yet (its brightness is used)"
-        assert warnings == ([tinted] if kind == "Transparent" else [])
+        assert warnings == []
         assert closure.kind == kind
         assert closure["color"] == ([1.0, 0.5, 0.0] if kind == "Emission" else [0.5, 0.25, 0.0])
         assert kind != "Glossy" or closure["roughness"] == 0.25
@@ -440,17 +439,17 @@ def test_images_of_colour_roughness_and_alpha() -> None:
     assert passing["color"] == [0.5] * 3
 
 
-def test_texture_details_beyond_are_named() -> None:
+def test_smart_interpolation_is_cubic_as_in_cycles() -> None:
     image = add_image()
 
     def build(tree: Any) -> Any:
-        made = texture(tree, image, projection="BOX", extension="MIRROR", interpolation="Cubic")
+        made = texture(tree, image, projection="BOX", extension="MIRROR", interpolation="Smart")
         return node(tree, "ShaderNodeBsdfDiffuse", Color=made.outputs["Color"]).outputs[0]
 
     _, warnings = closures_of(build)
-    assert warnings == [
-        "'Wood': Cubic interpolation of 'Image' is not rendered yet (Linear is used)"
-    ]
+    assert warnings == []
+    (made,) = export_now().images
+    assert (made.extension, made.interpolation) == ("MIRROR", "Cubic")
 
 
 def test_a_group_that_contains_itself_is_named() -> None:

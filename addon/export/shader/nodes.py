@@ -100,13 +100,10 @@ def image(compiler: Compiler, source: Source) -> Operand:
     if node.image is None:
         compiler.warn("an Image Texture has no image, magenta is shown")
         return ONE if what == "alpha" else (1.0, 0.0, 1.0)
-    if node.interpolation not in ("Linear", "Closest"):
-        of = f"{node.interpolation} interpolation of '{node.image.name}'"
-        compiler.missing(of, "Linear is used")
     use = ImageUse(
         node.image,
         node.extension,
-        "Closest" if node.interpolation == "Closest" else "Linear",
+        "Cubic" if node.interpolation == "Smart" else node.interpolation,  # as in Cycles
         multiply_alpha=not node.outputs["Alpha"].is_linked,
     )
     row = compiler.program.image(use)

@@ -2,7 +2,7 @@ use super::*;
 use crate::contract::{Given, Numbers};
 use crate::math::statistics::{DirectionTest, MAX_SCORE, Random};
 use crate::math::warp::sample_sphere;
-use crate::scene::{Extension, Interpolation, Reach};
+use crate::scene::{Lookup, Reach};
 
 const WIDTH: usize = 256;
 const HEIGHT: usize = 128;
@@ -31,7 +31,7 @@ fn image(sun: Option<(usize, usize, f32)>) -> Arc<Image> {
         shape: vec![HEIGHT, WIDTH, 4],
         numbers: Numbers::F32(&pixels),
     };
-    let image = Image::new(vec![given], Extension::Repeat, Interpolation::Linear);
+    let image = Image::new(vec![given], Lookup::default());
     Arc::new(image.unwrap())
 }
 
@@ -109,7 +109,7 @@ fn bright_but_wide_and_small_but_dim_regions_are_sky() {
         shape: vec![HEIGHT, WIDTH, 4],
         numbers: Numbers::F32(&wide),
     };
-    let wide = Image::new(vec![given], Extension::Repeat, Interpolation::Linear).unwrap();
+    let wide = Image::new(vec![given], Lookup::default()).unwrap();
     for image in [Arc::new(wide), image(Some((80, 100, 4.0)))] {
         assert!(lights_of(&world(image, Mat3A::IDENTITY), None).1.is_none());
     }
