@@ -142,7 +142,8 @@ class DualConeEngine(bpy.types.RenderEngine):
 
     def _deliver(self, work: Work) -> None:
         order = work.order
-        canvas = passes.Canvas(self, order.view.view_layer, order.recipe.region.shape)
+        shape = order.recipe.region.shape
+        canvas = passes.Canvas(self, order.view.view_layer, shape, order.exposure)
         is_done = False
         try:
             frame = work.finished or self._trace(work, canvas)
@@ -281,6 +282,7 @@ def read_order(engine: DualConeEngine, depsgraph: bpy.types.Depsgraph) -> Order:
             frame, step, scene.frame_end, count, lambda ahead: is_kept(scene.render, ahead)
         ),
         threads=scene.render.threads,
+        exposure=scene.cycles.film_exposure if hasattr(scene, "cycles") else 1.0,
     )
 
 
@@ -333,6 +335,8 @@ def unsupported(scene: bpy.types.Scene) -> Iterator[str]:
     """Name the render settings that DualCone does not follow."""
     if scene.render.use_multiview:
         yield "Stereoscopy is not rendered yet: every view shows the same picture"
+    if scene.render.film_transparent and scene.cycles.film_transparent_glass:
+        yield "Transparent Glass is not rendered yet: glass shows the world behind it"
 
 
 @bpy.app.handlers.persistent

@@ -12,6 +12,8 @@ from . import core
 
 # Passes that Blender already has a switch for; the others get one at `view_layer.dualcone`.
 BLENDER_SWITCH = {"Depth": "use_pass_z", "Normal": "use_pass_normal"}
+# Passes of light, which the exposure of the film scales.
+EXPOSED = ("Combined", "Noisy Image")
 
 
 class Pass(NamedTuple):
@@ -57,11 +59,16 @@ class Canvas:
     """The frame's render result in Blender: opened when there is something to put into it."""
 
     def __init__(
-        self, engine: bpy.types.RenderEngine, view_layer: str, shape: tuple[int, int]
+        self,
+        engine: bpy.types.RenderEngine,
+        view_layer: str,
+        shape: tuple[int, int],
+        exposure: float = 1.0,
     ) -> None:
         self._engine = engine
         self._view_layer = view_layer
         self._shape = shape
+        self._exposure = np.array([exposure, exposure, exposure, 1.0], np.float32)
         self._result: bpy.types.RenderResult | None = None
 
     def _opened(self) -> bpy.types.RenderResult:
@@ -87,6 +94,8 @@ class Canvas:
             wanted = (result.resolution_y, result.resolution_x, target.channels)
             if source.shape != wanted:
                 raise ValueError(f"pass {target.name}: expected shape {wanted}, got {source.shape}")
+            if target.name in EXPOSED:
+                source = source * self._exposure
             rect: Any = target.rect  # An array property; the stubs call it a float.
             rect.foreach_set(np.ascontiguousarray(source, np.float32).ravel())
 

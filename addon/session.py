@@ -101,6 +101,8 @@ class Order:
     recipe: Recipe
     targets: list[int]
     threads: int
+    # Factor on the finished picture.
+    exposure: float = 1.0
 
 
 @dataclass

@@ -196,6 +196,8 @@ class DUALCONE_PT_film(RenderPanel, bpy.types.Panel):
         """Draw the settings."""
         layout = labelled_rows(self)
         scene, settings = context.scene, context.scene.dualcone
+        if hasattr(scene, "cycles"):
+            layout.prop(scene.cycles, "film_exposure", text="Exposure")
         layout.prop(scene.render, "film_transparent", text="Transparent")
         layout.prop(settings, "filter")
         width = layout.column()

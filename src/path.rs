@@ -17,7 +17,7 @@ use crate::sampling::{
 };
 use crate::scene::SceneFrame;
 use crate::shader::{RayInfo, RayKind};
-use crate::surface::{self, Surface};
+use crate::surface::{self, Passage, Surface};
 
 /// Bounces before Russian roulette may end a path; Cycles begins there too.
 const ROULETTE_FROM: u32 = 3;
@@ -179,10 +179,13 @@ struct Chance<'a> {
 }
 
 impl<'a> Chance<'a> {
-    fn new(bounces: &Bounces, sampler: &'a Sampler) -> Self {
+    /// Chances of a ray of this kind. A shadow ray may meet what the ray before it passed, and has
+    /// its own luck.
+    fn new(kind: RayKind, bounces: &Bounces, sampler: &'a Sampler) -> Self {
+        let is_shadow = u32::from(kind == RayKind::Shadow);
         Self {
             sampler,
-            vertex: bounces.total,
+            vertex: bounces.total ^ is_shadow << 7,
         }
     }
 
@@ -193,23 +196,35 @@ impl<'a> Chance<'a> {
     }
 }
 
-/// The transparent surfaces that a ray passed, in the order in which the tree showed them.
+/// The transparent surfaces that a ray passed, in the order in which the tree showed them, and the
+/// share of the light that each lets through, over its probability of letting the ray pass.
 #[derive(Default)]
-struct Passed(Vec<Hit>);
+pub struct Passed(Vec<(Hit, Vec3A)>);
 
 impl Passed {
     /// Remembers a surface; false, for it stops nothing.
-    fn note(&mut self, hit: &Hit) -> bool {
-        self.0.push(*hit);
+    fn note(&mut self, hit: &Hit, share: Vec3A) -> bool {
+        self.0.push((*hit, share));
         false
     }
 
-    /// The surface nearer than `end` at which a ray that passes `limit` ones must stop.
-    fn beyond(self, limit: u32, end: f32) -> Option<Hit> {
-        let mut passed = self.0;
-        passed.retain(|hit| hit.t < end);
+    /// Takes back what lies beyond `end`; the surface at which a ray that passes `limit` ones must
+    /// stop.
+    fn end_at(&mut self, end: f32, limit: u32) -> Option<Hit> {
+        self.0.retain(|(hit, _)| hit.t < end);
         let limit = limit as usize;
-        (passed.len() > limit).then(|| *passed.select_nth_unstable_by(limit, by_distance).1)
+        if self.0.len() <= limit {
+            return None;
+        }
+        let last = self.0.select_nth_unstable_by(limit, by_distance).1.0;
+        self.0.truncate(limit);
+        Some(last)
+    }
+
+    /// Share of the light from this distance that arrives.
+    pub fn share(&self, distance: f32) -> Vec3A {
+        let nearer = self.0.iter().filter(|(hit, _)| hit.t < distance);
+        nearer.map(|(_, share)| *share).product()
     }
 }
 
@@ -228,7 +243,7 @@ fn clamped(radiance: Vec3A, throughput: f32, limit: f32) -> Vec3A {
     radiance * clamp_factor(radiance, throughput, limit)
 }
 
-fn by_distance(a: &Hit, b: &Hit) -> std::cmp::Ordering {
+fn by_distance((a, _): &(Hit, Vec3A), (b, _): &(Hit, Vec3A)) -> std::cmp::Ordering {
     a.t.total_cmp(&b.t)
 }
 
@@ -243,36 +258,83 @@ fn balance(pdf: f32, other: f32) -> f32 {
 }
 
 impl<'a> Tracer<'a> {
-    /// The surface that a ray meets first after the events `bounces`.
-    pub fn arrive(&self, ray: &Ray, bounces: &Bounces, sampler: &Sampler) -> Option<Surface> {
+    /// The surface that a ray meets first after the events `bounces`, seen through what it passed.
+    pub fn arrive(
+        &self,
+        ray: &Ray,
+        bounces: &Bounces,
+        sampler: &Sampler,
+    ) -> (Option<Surface>, Passed) {
         count_ray();
         let info = bounces.ray_info();
         let at = |hit: &Hit| surface::at(self.frame, hit, ray, &info);
-        if self.see_through.is_empty() {
-            return self.accel.closest_hit(self.frame, ray).as_ref().map(at);
-        }
         let mut passed = Passed::default();
-        let chance = Chance::new(bounces, sampler);
-        let accept = |hit: &Hit| self.is_met(hit, ray, &info, &chance, &mut passed);
+        if self.see_through.is_empty() {
+            return (
+                self.accel.closest_hit(self.frame, ray).as_ref().map(at),
+                passed,
+            );
+        }
+        let chance = Chance::new(info.kind, bounces, sampler);
+        let accept = |hit: &Hit| self.stops(hit, ray, &info, &chance, &mut passed);
         let hit = self.accel.closest_hit_where(self.frame, ray, accept);
         let end = hit.map_or(f32::INFINITY, |hit| hit.t);
-        match passed.beyond(self.settings.transparent_max_bounces, end) {
+        let surface = match passed.end_at(end, self.settings.transparent_max_bounces) {
             Some(last) => Some(at(&last).blackened()),
             None => hit.as_ref().map(at),
-        }
+        };
+        let surface = surface.map(|surface| {
+            let share = passed.share(surface.distance);
+            surface.behind(share)
+        });
+        (surface, passed)
     }
 
-    /// Whether a scattered ray meets a surface.
-    fn is_hidden(&self, ray: &Ray, bounces: &Bounces, sampler: &Sampler) -> bool {
+    /// Share of the light that a scattered ray lets through from outside the scene.
+    fn open_share(&self, ray: &Ray, bounces: &Bounces) -> Vec3A {
         count_ray();
         if self.see_through.is_empty() {
-            self.accel.occluded(self.frame, ray)
+            lit(!self.accel.occluded(self.frame, ray))
         } else {
-            self.is_stopped_on_the_way(ray, &bounces.ray_info(), bounces, sampler)
+            self.passed_share(ray, &bounces.ray_info())
         }
     }
 
-    /// Whether anything lies on a ray that looks for a light after the events `bounces`.
+    /// Share of the light that a ray lets through which looks for a light after the events
+    /// `bounces`.
+    fn lit_share(&self, ray: &Ray, bounces: &Bounces) -> Vec3A {
+        count_ray();
+        if self.see_through.is_empty() {
+            return lit(!self.accel.occluded(self.frame, ray));
+        }
+        let info = RayInfo {
+            kind: RayKind::Shadow,
+            ..bounces.ray_info()
+        };
+        self.passed_share(ray, &info)
+    }
+
+    fn passed_share(&self, ray: &Ray, info: &RayInfo) -> Vec3A {
+        let (mut share, mut count) = (Vec3A::ONE, 0);
+        let accept = |hit: &Hit| {
+            if !self.see_through[hit.instance as usize] {
+                return true;
+            }
+            if !self.is_seen(hit, info) {
+                return false;
+            }
+            share *= Passage::at(self.frame, hit, ray, info).share;
+            count += 1;
+            share == Vec3A::ZERO || count > self.settings.transparent_max_bounces
+        };
+        match self.accel.occluded_where(self.frame, ray, accept) {
+            true => Vec3A::ZERO,
+            false => share,
+        }
+    }
+
+    /// Whether anything lies on a ray that looks for a light after the events `bounces`; what lets
+    /// a share of the light through does so by chance.
     pub fn is_occluded(&self, ray: &Ray, bounces: &Bounces, sampler: &Sampler) -> bool {
         count_ray();
         if self.see_through.is_empty() {
@@ -282,36 +344,12 @@ impl<'a> Tracer<'a> {
             kind: RayKind::Shadow,
             ..bounces.ray_info()
         };
-        self.is_stopped_on_the_way(ray, &info, bounces, sampler)
-    }
-
-    fn is_stopped_on_the_way(
-        &self,
-        ray: &Ray,
-        info: &RayInfo,
-        bounces: &Bounces,
-        sampler: &Sampler,
-    ) -> bool {
         let mut passed = Passed::default();
-        let chance = Chance::new(bounces, sampler);
-        let accept = |hit: &Hit| self.is_met(hit, ray, info, &chance, &mut passed);
+        let chance = Chance::new(info.kind, bounces, sampler);
+        let accept = |hit: &Hit| self.stops(hit, ray, &info, &chance, &mut passed);
         let limit = self.settings.transparent_max_bounces;
         self.accel.occluded_where(self.frame, ray, accept)
-            || passed.beyond(limit, f32::INFINITY).is_some()
-    }
-
-    /// Whether a surface stops a ray that sees it; one that it passes is noted.
-    fn is_met(
-        &self,
-        hit: &Hit,
-        ray: &Ray,
-        info: &RayInfo,
-        chance: &Chance,
-        passed: &mut Passed,
-    ) -> bool {
-        !self.see_through[hit.instance as usize]
-            || self.is_seen(hit, info)
-                && (self.is_stopped(hit, ray, info, chance) || passed.note(hit))
+            || passed.end_at(f32::INFINITY, limit).is_some()
     }
 
     /// Whether a ray meets what lies on it, or does not even see it.
@@ -320,10 +358,23 @@ impl<'a> Tracer<'a> {
         instance.visibility.includes(info.kind)
     }
 
-    /// Transparency by chance: a surface of opacity a stops a ray with probability a.
-    fn is_stopped(&self, hit: &Hit, ray: &Ray, info: &RayInfo, chance: &Chance) -> bool {
-        let opacity = surface::opacity(self.frame, hit, ray, info);
-        opacity >= 1.0 || chance.of(hit) < opacity
+    /// Whether a surface stops a ray, by chance where it lets some light through.
+    fn stops(
+        &self,
+        hit: &Hit,
+        ray: &Ray,
+        info: &RayInfo,
+        chance: &Chance,
+        passed: &mut Passed,
+    ) -> bool {
+        if !self.see_through[hit.instance as usize] {
+            return true;
+        }
+        if !self.is_seen(hit, info) {
+            return false;
+        }
+        let Passage { share, probability } = Passage::at(self.frame, hit, ray, info);
+        probability <= 0.0 || chance.of(hit) >= probability || passed.note(hit, share / probability)
     }
 
     /// Radiance that a surface reflects: `f cos` times light over all directions, by one light
@@ -392,11 +443,11 @@ impl<'a> Tracer<'a> {
         let clamped = |radiance| clamped(radiance, from.throughput, limit);
         if last && !from.wants_distance && !self.lights.can_be_met() {
             // Only whether the ray leaves the scene matters now.
-            let hidden = self.is_hidden(ray, &from.bounces, sampler);
-            let environment = if hidden {
-                Vec3A::ZERO
+            let open = self.open_share(ray, &from.bounces);
+            let environment = if open == Vec3A::ZERO {
+                open
             } else {
-                clamped(self.environment(from))
+                clamped(open * self.environment(from))
             };
             let distance = f32::INFINITY;
             return Gathered {
@@ -405,7 +456,7 @@ impl<'a> Tracer<'a> {
                 ..Gathered::default()
             };
         }
-        let mut surface = self.arrive(ray, &from.bounces, sampler);
+        let (mut surface, passed) = self.arrive(ray, &from.bounces, sampler);
         let bounces = from.bounces.along(from.pdf_solid_angle);
         if let Some(surface) = &mut surface {
             self.calm(surface, &bounces);
@@ -415,9 +466,9 @@ impl<'a> Tracer<'a> {
             distance,
             ..Gathered::default()
         };
-        gathered.lamps = clamped(self.lamps(from, distance));
+        gathered.lamps = clamped(self.lamps(from, distance, &passed));
         let Some(surface) = surface else {
-            gathered.environment = clamped(self.environment(from));
+            gathered.environment = clamped(passed.share(distance) * self.environment(from));
             return gathered;
         };
         if surface.emission != Vec3A::ZERO {
@@ -470,8 +521,8 @@ impl<'a> Tracer<'a> {
         radiance * balance(from.pdf_solid_angle, pdf_light)
     }
 
-    /// Light of the lamps on a ray up to `distance`.
-    fn lamps(&self, from: &Continuation, distance: f32) -> Vec3A {
+    /// Light of the lamps on a ray up to `distance`, through what it passed.
+    fn lamps(&self, from: &Continuation, distance: f32, passed: &Passed) -> Vec3A {
         let ray = Ray {
             t_max: distance,
             ..from.ray
@@ -481,7 +532,10 @@ impl<'a> Tracer<'a> {
             .lights
             .lamps_along(&ray, from.normal, from.strategy, kind, vertex);
         lamps
-            .map(|lamp| lamp.radiance * balance(from.pdf_solid_angle, lamp.pdf_solid_angle))
+            .map(|lamp| {
+                let weight = balance(from.pdf_solid_angle, lamp.pdf_solid_angle);
+                passed.share(lamp.t) * lamp.radiance * weight
+            })
             .sum()
     }
 
@@ -515,7 +569,7 @@ impl<'a> Tracer<'a> {
             let is_on_side =
                 |light: &LightSample| side * light.direction.dot(surface.geometric_normal) > 0.0;
             for light in lights.into_iter().flatten().filter(is_on_side) {
-                sum += self.lit_by(&light, surface, from, sampler, &pdfs);
+                sum += self.lit_by(&light, surface, from, &pdfs);
             }
         }
         match vertex {
@@ -530,16 +584,19 @@ impl<'a> Tracer<'a> {
         light: &LightSample,
         surface: &Surface,
         from: &Bounces,
-        sampler: &Sampler,
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
         let (values, own) = surface.bsdf.eval(light.direction);
         let values = found_by(light, values, from.total);
-        if values.sum() == Vec3A::ZERO || self.is_shadowed(surface, light, from, sampler) {
+        if values.sum() == Vec3A::ZERO {
+            return LobeValues::default();
+        }
+        let share = self.unshadowed(surface, light, from);
+        if share == Vec3A::ZERO {
             return LobeValues::default();
         }
         let own = pdfs(&surface.bsdf, own);
-        let radiance = self.lights.radiance(light);
+        let radiance = share * self.lights.radiance(light);
         LobeValues {
             lambert: values.lambert * radiance * weight(light, own.lambert),
             diffuse: values.diffuse * radiance * weight(light, own.own),
@@ -548,19 +605,22 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    fn is_shadowed(
-        &self,
-        surface: &Surface,
-        light: &LightSample,
-        from: &Bounces,
-        sampler: &Sampler,
-    ) -> bool {
+    /// Share of a light's radiance that arrives.
+    fn unshadowed(&self, surface: &Surface, light: &LightSample, from: &Bounces) -> Vec3A {
         if !light.reach.visibility.includes(RayKind::Shadow) {
-            return false;
+            return Vec3A::ONE;
         }
         let mut ray = surface.ray_towards(light.direction);
         ray.t_max = light.distance * SHADOW_END;
-        self.is_occluded(&ray, from, sampler)
+        self.lit_share(&ray, from)
+    }
+}
+
+/// All of the light, or nothing.
+fn lit(is_lit: bool) -> Vec3A {
+    match is_lit {
+        true => Vec3A::ONE,
+        false => Vec3A::ZERO,
     }
 }
 
@@ -611,6 +671,7 @@ fn survival_probability(bounce: u32, throughput: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::contract::{Filter, Method};
+    use crate::scene::{Light, LightKind, Material, Reach};
     use crate::testing::{
         Scene, Shoot, camera, diffuse, glossy, mean_radiance, plain_world, square,
     };
@@ -634,17 +695,22 @@ mod tests {
             u: 0.0,
             v: 0.0,
         };
-        let stop = |limit, end| {
+        let passed = || {
             let mut passed = Passed::default();
             for t in [3.0, 1.0, 4.0, 2.0] {
-                assert!(!passed.note(&hit(t)));
+                assert!(!passed.note(&hit(t), Vec3A::splat(t)));
             }
-            passed.beyond(limit, end).map(|hit| hit.t)
+            passed
         };
+        let stop = |limit, end| passed().end_at(end, limit).map(|hit| hit.t);
         assert_eq!(stop(0, f32::INFINITY), Some(1.0));
         assert_eq!(stop(2, f32::INFINITY), Some(3.0));
         assert_eq!(stop(2, 2.5), None);
         assert_eq!(stop(4, f32::INFINITY), None);
+        let mut passed = passed();
+        assert_eq!(passed.share(2.5), Vec3A::splat(2.0));
+        passed.end_at(f32::INFINITY, 3);
+        assert_eq!(passed.share(f32::INFINITY), Vec3A::splat(6.0));
     }
 
     /// A diffuse floor beside a mirror wall: without caustics the wall gives it nothing.
@@ -678,5 +744,73 @@ mod tests {
         // The numbers choose the same directions: only rounding of the light's choice differs.
         assert!((off / black - 1.0).abs() < 0.01, "{off} {black}");
         assert!(mean(true, 0.9) > 1.05 * black);
+    }
+
+    fn seen(scene: &Scene) -> f64 {
+        let frames = [scene.frame(1)];
+        let settings = Settings {
+            method: Method::Path,
+            samples: 256,
+            filter: Filter::Box,
+            ..Settings::default()
+        };
+        let shoot = Shoot {
+            frames: &frames,
+            settings,
+            size: 8,
+            threads: 1,
+        };
+        mean_radiance(&shoot.pictures(&[1])[0])
+    }
+
+    /// The share that comes through and what a sheet shines add up, in a white world. The chance to
+    /// pass is stratified over 16384 samples: five standard deviations of one left to itself.
+    #[test]
+    fn a_sheet_shows_what_it_lets_pass_and_what_it_shines() {
+        let cases: [(&[(&str, f32)], f64); 3] = [
+            (&[("transparent", 0.25)], 0.25),
+            (&[("transparent", 0.25), ("emission", 3.0)], 3.25),
+            (&[("transparent", 1.0), ("emission", 3.0)], 4.0),
+        ];
+        for (closures, expected) in cases {
+            let inputs = closures
+                .iter()
+                .map(|(_, c)| [("Weight", 1.0), ("Color", *c)]);
+            let inputs: Vec<_> = inputs.collect();
+            let named = closures.iter().zip(&inputs);
+            let named: Vec<_> = named
+                .map(|((name, _), inputs)| (*name, &inputs[..]))
+                .collect();
+            let mut scene = Scene::new();
+            scene.camera = camera(Vec3::new(0.0, 0.0, 1.0), Vec3::ZERO, 0.7);
+            scene.add(square(), Affine3A::IDENTITY, Material::of(&named));
+            let mean = seen(&scene);
+            let deviation = 5.0 * 3.0 * 0.5 / 16384f64.sqrt();
+            assert!((mean - expected).abs() < deviation, "{closures:?}: {mean}");
+        }
+    }
+
+    /// A sun above a sheet: shadows take the share itself and no chance.
+    #[test]
+    fn a_shadow_is_as_deep_as_its_sheet() {
+        let floor_lit_through = |color: f32| {
+            let mut scene = Scene::new();
+            scene.world = plain_world(0.0);
+            scene.camera = camera(Vec3::new(0.0, 0.0, 1.0), Vec3::ZERO, 0.7);
+            scene.lights.push(Light {
+                kind: LightKind::Sun { angle: 0.0 },
+                key: 1,
+                world_from_light: Affine3A::IDENTITY,
+                power: Vec3A::ONE,
+                reach: Reach::ALL,
+            });
+            scene.add(square(), Affine3A::IDENTITY, diffuse(0.5));
+            let sheet = Material::of(&[("transparent", &[("Weight", 1.0), ("Color", color)])]);
+            let above = Affine3A::from_translation(2.0 * Vec3::Z);
+            scene.add(square(), above, sheet);
+            seen(&scene)
+        };
+        let share = floor_lit_through(0.3) / floor_lit_through(1.0);
+        assert!((share - 0.3).abs() < 1e-4, "{share}");
     }
 }

@@ -24,6 +24,8 @@ pub struct Surface {
     pub bsdf: Bsdf,
     /// Radiance that it emits towards the viewer.
     pub emission: Vec3A,
+    /// Share of it that is a hole in the picture.
+    pub holdout: f32,
     /// Distance along the ray.
     pub distance: f32,
     /// When the ray found it: the share of the shutter's time that has passed.
@@ -53,6 +55,15 @@ impl Surface {
             emission: Vec3A::ZERO,
             ..self
         }
+    }
+
+    /// The same surface behind glass that lets this share of its light pass.
+    pub fn behind(mut self, share: Vec3A) -> Self {
+        if share != Vec3A::ONE {
+            self.bsdf.tint(share);
+            self.emission *= share;
+        }
+        self
     }
 
     /// The shading normal on the side of the surface that `direction` leaves to.
@@ -88,13 +99,15 @@ pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
         position: point.position,
         geometric_normal: point.geometric_normal,
         normal: point.normal,
-        bsdf: Bsdf::new(point.geometric_normal, point.incoming, !point.is_back),
+        bsdf: Bsdf::new(point.geometric_normal, point.incoming, !point.is_back)
+            .with_smooth_normal(point.normal),
         emission: Vec3A::ZERO,
+        holdout: 0.0,
         distance: hit.t,
         time: ray.time,
         clearance: CLEARANCE * one.max(other).max_element(),
     };
-    surface.emission = shade(frame, hit, &point, &mut surface.bsdf);
+    surface.shade(frame, &point);
     surface
 }
 
@@ -103,72 +116,69 @@ fn point_of<'a>(facet: &'a Facet<'a>, hit: &Hit, ray: &Ray, info: &'a RayInfo) -
     facet.point(Vec2::new(hit.u, hit.v), ray.direction, ray_length, info)
 }
 
-/// Adds the closures' reflection and returns their emission, given that the ray did not pass
-/// straight on.
-fn shade(frame: &SceneFrame, hit: &Hit, point: &Point, bsdf: &mut Bsdf) -> Vec3A {
-    let Some(material) = frame.material_of(hit.instance, hit.triangle) else {
-        bsdf.add_diffuse(Vec3A::ONE, DEFAULT_COLOR, point.normal, 0.0);
-        return Vec3A::ZERO;
-    };
-    // A surface that stops a fraction of the rays, and is seen by those, reflects its weight over
-    // that fraction.
-    let opacity = opacity_of(frame, material, point);
-    let scale = if opacity > 0.0 { 1.0 / opacity } else { 0.0 };
-    let mut emission = Vec3A::ZERO;
-    material.surface.run(point, &frame.images, &mut |closure| {
-        emission += add_closure(bsdf, closure, scale, point);
-    });
-    emission
-}
-
-/// Adds what scatters; returns what shines.
-fn add_closure(bsdf: &mut Bsdf, closure: &Closure, scale: f32, point: &Point) -> Vec3A {
-    let scaled = |weight: f32| Vec3A::splat(weight * scale);
-    let bent = |normal: Vec3A| normal_at(point, normal);
-    match *closure {
-        Closure::Principled(ref p) => {
-            bsdf.add_principled(scaled(p.weight), &principled(p, point));
-        }
-        Closure::Diffuse {
-            weight,
-            color,
-            roughness,
-            normal,
-        } => bsdf.add_diffuse(scaled(weight), color, bent(normal), roughness),
-        Closure::Glossy(ref glossy) => add_glossy(bsdf, glossy, scaled(glossy.weight), point),
-        Closure::Glass(glass) => bsdf.add_glass(
-            scaled(glass.weight),
-            glass.color,
-            bent(glass.normal),
-            glass.roughness,
-            glass.ior,
-            glass.is_multiscatter,
-        ),
-        Closure::Refraction(glass) => {
-            let weight = scaled(glass.weight) * glass.color.max(Vec3A::ZERO);
-            bsdf.add_refraction(weight, bent(glass.normal), glass.roughness, glass.ior);
-        }
-        Closure::Translucent {
-            weight,
-            color,
-            normal,
-        } => bsdf.add_translucent(scaled(weight) * color.max(Vec3A::ZERO), bent(normal)),
-        Closure::Sheen {
-            weight,
-            color,
-            roughness,
-            normal,
-        } => {
-            bsdf.add_sheen(
-                scaled(weight) * color.max(Vec3A::ZERO),
-                bent(normal),
-                roughness,
-            );
-        }
-        Closure::Emission(radiance) => return radiance * scale,
-        Closure::Transparent(_) => {}
+impl Surface {
+    /// Adds what the closures scatter and shine, given that the ray did not pass straight on.
+    fn shade(&mut self, frame: &SceneFrame, point: &Point) {
+        let Some(material) = frame.material_of(self.hit.instance, self.hit.triangle) else {
+            let color = DEFAULT_COLOR;
+            self.bsdf.add_diffuse(Vec3A::ONE, color, point.normal, 0.0);
+            return;
+        };
+        // A surface that stops a fraction of the rays, and is seen by those, reflects its weight
+        // over that fraction.
+        let stopped = 1.0 - Passage::of(frame, material, point).probability;
+        let scale = if stopped > 0.0 { 1.0 / stopped } else { 0.0 };
+        material.surface.run(point, &frame.images, &mut |closure| {
+            self.add(closure, scale, point);
+        });
     }
-    Vec3A::ZERO
+
+    fn add(&mut self, closure: &Closure, scale: f32, point: &Point) {
+        let bsdf = &mut self.bsdf;
+        let scaled = |weight: f32| Vec3A::splat(weight * scale);
+        let bent = |normal: Vec3A| normal_at(point, normal);
+        match *closure {
+            Closure::Principled(ref p) => {
+                bsdf.add_principled(scaled(p.weight), &principled(p, point));
+            }
+            Closure::Diffuse {
+                weight,
+                color,
+                roughness,
+                normal,
+            } => bsdf.add_diffuse(scaled(weight), color, bent(normal), roughness),
+            Closure::Glossy(ref glossy) => add_glossy(bsdf, glossy, scaled(glossy.weight), point),
+            Closure::Glass(glass) => bsdf.add_glass(
+                scaled(glass.weight),
+                glass.color,
+                bent(glass.normal),
+                glass.roughness,
+                glass.ior,
+                glass.is_multiscatter,
+            ),
+            Closure::Refraction(glass) => {
+                let weight = scaled(glass.weight) * glass.color.max(Vec3A::ZERO);
+                bsdf.add_refraction(weight, bent(glass.normal), glass.roughness, glass.ior);
+            }
+            Closure::Translucent {
+                weight,
+                color,
+                normal,
+            } => bsdf.add_translucent(scaled(weight) * color.max(Vec3A::ZERO), bent(normal)),
+            Closure::Sheen {
+                weight,
+                color,
+                roughness,
+                normal,
+            } => {
+                let weight = scaled(weight) * color.max(Vec3A::ZERO);
+                bsdf.add_sheen(weight, bent(normal), roughness);
+            }
+            Closure::Emission(radiance) => self.emission += radiance * scale,
+            Closure::Holdout(weight) => self.holdout += weight * scale,
+            Closure::Transparent(_) => {}
+        }
+    }
 }
 
 fn add_glossy(bsdf: &mut Bsdf, glossy: &Glossy, weight: Vec3A, point: &Point) {
@@ -215,20 +225,10 @@ fn principled(p: &shader::Principled, point: &Point) -> Principled {
     }
 }
 
-/// A closure's normal: the surface's own in the place of zero, else of unit length and lifted above
-/// the geometric surface.
+/// A closure's unit normal: the surface's own in the place of zero. It may point below the
+/// geometric surface, as in Cycles: a diffuse closure then sees only what lies above both.
 fn normal_at(point: &Point, normal: Vec3A) -> Vec3A {
-    /// Sine of the angle to which normals from below are lifted.
-    const GRAZING: f32 = 0.01;
-    let Some(normal) = normal.try_normalize() else {
-        return point.normal;
-    };
-    let height = normal.dot(point.geometric_normal);
-    if height >= GRAZING {
-        return normal;
-    }
-    let lifted = normal + (GRAZING - height) * point.geometric_normal;
-    lifted.normalize_or(point.normal)
+    normal.try_normalize().unwrap_or(point.normal)
 }
 
 /// A closure's tangent: in the place of zero an arbitrary one.
@@ -240,29 +240,72 @@ fn tangent_at(point: &Point, tangent: Vec3A) -> Vec3A {
     }
 }
 
-/// The probability with which a surface stops a ray.
-pub fn opacity(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> f32 {
-    let Some(material) = frame.material_of(hit.instance, hit.triangle) else {
-        return 1.0;
-    };
-    if !material.is_see_through() {
-        return 1.0;
-    }
-    let facet = Facet::new(frame, hit.instance, hit.triangle, ray.time);
-    opacity_of(frame, material, &point_of(&facet, hit, ray, info))
+/// What a surface lets pass straight on.
+#[derive(Debug, Clone, Copy)]
+pub struct Passage {
+    /// Share of the light of each channel.
+    pub share: Vec3A,
+    /// Probability with which a ray passes: the mean of that share, or one where there is nothing
+    /// else to see.
+    pub probability: f32,
 }
 
-fn opacity_of(frame: &SceneFrame, material: &Material, point: &Point) -> f32 {
-    let mut passed = Vec3A::ZERO;
-    material
-        .transparency
-        .run(point, &frame.images, &mut |closure| {
-            if let Closure::Transparent(share) = closure {
-                passed += *share;
+impl Passage {
+    const CLOSED: Self = Self {
+        share: Vec3A::ZERO,
+        probability: 0.0,
+    };
+
+    /// What a surface does to a ray that meets it at `hit`.
+    pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Self {
+        match frame.material_of(hit.instance, hit.triangle) {
+            Some(material) if material.is_see_through() => {
+                let facet = Facet::new(frame, hit.instance, hit.triangle, ray.time);
+                Self::of(frame, material, &point_of(&facet, hit, ray, info))
             }
-        });
-    // A tinted closure passes the share that its colour passes on average.
-    (1.0 - passed.element_sum() / 3.0).clamp(0.0, 1.0)
+            _ => Self::CLOSED,
+        }
+    }
+
+    fn of(frame: &SceneFrame, material: &Material, point: &Point) -> Self {
+        /// From here on a surface that adds light to what it lets pass would hardly be seen.
+        const NEARLY_ALL: f32 = 0.999;
+        let mut share = Vec3A::ZERO;
+        material
+            .transparency
+            .run(point, &frame.images, &mut |closure| {
+                if let Closure::Transparent(passed) = closure {
+                    share += *passed;
+                }
+            });
+        let mean = share.element_sum() / 3.0;
+        let probability = match mean {
+            mean if !(mean > 0.0) => 0.0,
+            _ if material.surface.is_empty() => 1.0,
+            mean if mean < NEARLY_ALL => mean,
+            mean => mean / (mean + other_weights(frame, material, point)),
+        };
+        Self { share, probability }
+    }
+}
+
+/// About how much a surface scatters and shines.
+fn other_weights(frame: &SceneFrame, material: &Material, point: &Point) -> f32 {
+    let mut sum = 0.0;
+    material.surface.run(point, &frame.images, &mut |closure| {
+        sum += match closure {
+            Closure::Principled(p) => p.weight,
+            Closure::Glossy(glossy) => glossy.weight,
+            Closure::Glass(glass) | Closure::Refraction(glass) => glass.weight,
+            Closure::Diffuse { weight, .. }
+            | Closure::Translucent { weight, .. }
+            | Closure::Sheen { weight, .. }
+            | Closure::Holdout(weight) => *weight,
+            Closure::Emission(radiance) => radiance.max_element().min(1.0),
+            Closure::Transparent(_) => 0.0,
+        };
+    });
+    sum
 }
 
 #[cfg(test)]

@@ -66,7 +66,9 @@ def export_world(
         read,
         # What lies in between always stops its light.
         visibility=bits(world.cycles_visibility, "") | SHADOW,
-        max_bounces=world.cycles.max_bounces,
+        # The limit is one of looking for light. Cycles does not look for that of a plain world:
+        # scattered rays find it, after any number of bounces.
+        max_bounces=MAX_BOUNCES if read.image < 0 else world.cycles.max_bounces,
     )
 
 

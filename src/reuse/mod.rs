@@ -130,7 +130,7 @@ impl View<'_> {
         let Some(ray) = tracer.frame.camera_ray(film, numbers.lens, time) else {
             return Shot::outside(sampler);
         };
-        let surface = tracer.arrive(&ray, &Bounces::default(), &sampler);
+        let (surface, passed) = tracer.arrive(&ray, &Bounces::default(), &sampler);
         let distance = surface.as_ref().map_or(ray.t_max, |s| s.distance);
         // Lamps hide nothing: they shine through each other and in front of what is behind.
         let seen_ray = Ray {
@@ -141,7 +141,7 @@ impl View<'_> {
             tracer
                 .lights
                 .lamps_along(&seen_ray, -ray.direction, Strategy::One, RayKind::Camera, 0);
-        let lamps: Vec3A = lamps.map(|lamp| lamp.radiance).sum();
+        let lamps: Vec3A = lamps.map(|lamp| passed.share(lamp.t) * lamp.radiance).sum();
         let is_hole = |surface: &Surface| {
             let instance = surface.hit.instance as usize;
             tracer.frame.instances[instance].is_holdout
@@ -155,13 +155,20 @@ impl View<'_> {
             // As in Cycles a hole is a hole even where the background shows.
             None if is_held_out => (Sighting::NOTHING, Vec3A::ZERO),
             Some(surface) => (self.sighting(surface), surface.emission),
-            None if hidden_background => (Sighting::NOTHING, Vec3A::ZERO),
+            None if hidden_background => {
+                let coverage = 1.0 - passed.share(distance).element_sum() / 3.0;
+                let sighting = Sighting {
+                    coverage,
+                    ..Sighting::NOTHING
+                };
+                (sighting, Vec3A::ZERO)
+            }
             None => {
                 let radiance =
                     tracer
                         .lights
                         .environment_radiance(ray.direction, RayKind::Camera, 0);
-                (Sighting::BACKGROUND, radiance)
+                (Sighting::BACKGROUND, passed.share(distance) * radiance)
             }
         };
         Shot {
@@ -174,7 +181,7 @@ impl View<'_> {
 
     fn sighting(&self, surface: &Surface) -> Sighting {
         Sighting {
-            coverage: 1.0,
+            coverage: 1.0 - surface.holdout,
             normal: surface.normal,
             albedo: surface.bsdf.albedo(),
             depth: Some(self.tracer.frame.camera.depth(surface.position)),

@@ -39,6 +39,8 @@ pub enum Closure {
     Emission(Vec3A),
     /// Share of the light that passes straight on, weight included.
     Transparent(Vec3A),
+    /// Share of the surface that is a hole in the picture.
+    Holdout(f32),
 }
 
 /// Inputs of Blender's Glossy BSDF.

@@ -220,4 +220,5 @@ pub static OPERATIONS: &[Operation] = &[
     closure("sheen", &["Weight", "Color", "Roughness", "Normal"], None, closures::sheen),
     closure("emission", &["Weight", "Color"], None, closures::emission),
     closure("transparent", &["Weight", "Color"], None, closures::transparent),
+    closure("holdout", &["Weight"], None, closures::holdout),
 ];

@@ -25,9 +25,18 @@ def principled(stage: Stage, **values: Any) -> None:
     shader(stage, PRINCIPLED, **{"Base Color": ORANGE} | values)
 
 
+def see_through(stage: Stage, kind: str, **values: Any) -> None:
+    """One shader node that light passes, on ball and cube.
+
+    The cube stands off the floor: of two faces in one plane chance says which a ray meets first.
+    """
+    shader(stage, kind, **values)
+    stage.cube.location.z += 0.1
+
+
 def glass(stage: Stage, kind: str, **values: Any) -> None:
     """Something that refracts, in light from a large lamp: small ones make caustics of noise."""
-    shader(stage, kind, **values)
+    see_through(stage, kind, **values)
     stage.lamp.data.size, stage.lamp.data.energy = 5.0, 500.0
 
 
@@ -132,7 +141,7 @@ SHADERS = table(
     ("Principled, tinted coat", principled, {"Coat Weight": 1.0, "Coat Roughness": 0.3, "Coat Tint": (0.9, 0.5, 0.2, 1.0)}),
     ("Principled, sheen", principled, {"Sheen Weight": 1.0, "Sheen Roughness": 0.4}),
     ("Principled, subsurface", principled, {"Subsurface Weight": 1.0, "Subsurface Radius": (0.3, 0.1, 0.05)}),
-    ("Principled, alpha 0.4", principled, {"Alpha": 0.4}),
+    ("Principled, alpha 0.4", see_through, {"kind": PRINCIPLED, "Base Color": ORANGE, "Alpha": 0.4}),
     ("Principled, emission", principled, {"Emission Color": ORANGE, "Emission Strength": 2.0}),
     ("Principled, thin film", principled, {"Metallic": 1.0, "Roughness": 0.3, "Thin Film Thickness": 500.0}),
     ("Principled, rough diffuse", principled, {"Diffuse Roughness": 0.8}),
@@ -146,9 +155,12 @@ SHADERS = table(
     ("Glossy, anisotropic", shader, {"kind": "ShaderNodeBsdfAnisotropic", "Roughness": 0.4, "Anisotropy": 0.7}),
     ("Glass", glass, {"kind": "ShaderNodeBsdfGlass", "Roughness": 0.0, "IOR": 1.45}),
     ("Glass, rough", glass, {"kind": "ShaderNodeBsdfGlass", "Roughness": 0.3, "IOR": 1.45}),
+    ("Glass, roughness 0.8", glass, {"kind": "ShaderNodeBsdfGlass", "Roughness": 0.8, "IOR": 1.45}),
+    ("Glass, GGX alone", glass, {"kind": "ShaderNodeBsdfGlass", "Roughness": 0.8, "distribution": "GGX"}),
+    ("Refraction, GGX", glass, {"kind": "ShaderNodeBsdfRefraction", "Roughness": 0.2, "IOR": 1.3, "distribution": "GGX"}),
     ("Refraction", glass, {"kind": "ShaderNodeBsdfRefraction", "Roughness": 0.2, "IOR": 1.3}),
-    ("Translucent", shader, {"kind": "ShaderNodeBsdfTranslucent", "Color": ORANGE}),
-    ("Transparent", shader, {"kind": "ShaderNodeBsdfTransparent", "Color": (0.8, 0.4, 0.6, 1.0)}),
+    ("Translucent", see_through, {"kind": "ShaderNodeBsdfTranslucent", "Color": ORANGE}),
+    ("Transparent", see_through, {"kind": "ShaderNodeBsdfTransparent", "Color": (0.8, 0.4, 0.6, 1.0)}),
     ("Emission", shader, {"kind": "ShaderNodeEmission", "Color": ORANGE, "Strength": 3.0}),
     ("Sheen", shader, {"kind": "ShaderNodeBsdfSheen", "Color": ORANGE, "Roughness": 0.4}),
     ("Toon", shader, {"kind": "ShaderNodeBsdfToon", "Color": ORANGE, "Size": 0.5, "Smooth": 0.2}),

@@ -142,17 +142,9 @@ def emission(compiler: Compiler, source: Source, weight: Operand) -> None:
     _emission(compiler, source, "Color", "Strength", weight)
 
 
-def transparent(compiler: Compiler, source: Source, weight: Operand) -> None:
-    """Transparent BSDF. Whether a ray passes is left to chance, which knows no colour."""
-    color = compiler.input(source, "Color")
-    if isinstance(color, Value) or len(set(color)) > 1:
-        compiler.missing("Colour of Transparent BSDF", "its brightness is used")
-    compiler.emit("transparent", weight, color)
-
-
 def holdout(compiler: Compiler, source: Source, weight: Operand) -> None:
-    """Holdout: black; the picture's alpha is left as it is."""
-    compiler.missing("Holdout", "black is shown")
+    """Holdout: a hole in the picture."""
+    compiler.emit("holdout", weight)
 
 
 def mix(compiler: Compiler, source: Source, weight: Operand) -> None:
@@ -191,7 +183,7 @@ SHADERS: dict[str, Shader] = {
     "ShaderNodeBsdfRefraction": closure("refraction"),
     "ShaderNodeBsdfSheen": closure("sheen"),
     "ShaderNodeBsdfTranslucent": closure("translucent"),
-    "ShaderNodeBsdfTransparent": transparent,
+    "ShaderNodeBsdfTransparent": closure("transparent"),
     "ShaderNodeEmission": emission,
     "ShaderNodeHoldout": holdout,
     "ShaderNodeMixShader": mix,

@@ -134,9 +134,9 @@ fn scattered(ior: f32, roughness: f32, cos: f32) -> f32 {
         let cos_squared = 1.0 - (1.0 - cos_facet * cos_facet) / (ior * ior);
         if cos_squared > 0.0 {
             let refracted = (cos_facet / ior - cos_squared.sqrt()) * normal - wo / ior;
-            if refracted.z < 0.0 {
-                sum += (1.0 - reflectance) * share(refracted);
-            }
+            // Light that a facet refracts back up counts although the lobe drops it, as in the
+            // tables of Cycles: rough glass stays a little dark from within.
+            sum += (1.0 - reflectance) * share(refracted);
         }
     }
     (sum / GLASS_POINTS as f32).clamp(1e-3, 1.0)

@@ -59,6 +59,20 @@ impl Lobe {
         matches!(self.model, Model::OrenNayar(_) | Model::Sheen(_))
     }
 
+    /// Whether it has no mirror direction.
+    pub fn is_wide(&self) -> bool {
+        self.is_diffuse() || matches!(self.model, Model::Translucent(_))
+    }
+
+    /// Whether light may come through. The share of it that the viewer sees does not tell: it is
+    /// that of a mirror, which may be none where rough facets let some pass.
+    pub fn is_transmissive(&self) -> bool {
+        match &self.model {
+            Model::Interface(interface) => interface.is_transmissive(),
+            _ => self.transmitted != Vec3A::ZERO,
+        }
+    }
+
     /// Whether another closure scatters in the same way.
     pub fn is_like(&self, other: &Lobe) -> bool {
         std::mem::discriminant(&self.model) == std::mem::discriminant(&other.model)
@@ -75,6 +89,19 @@ impl Lobe {
             (Model::Sheen(own), Model::Sheen(other)) => own.weight += other.weight,
             (Model::Translucent(own), Model::Translucent(other)) => own.weight += other.weight,
             _ => {}
+        }
+    }
+
+    /// Multiplies all that it scatters by a colour.
+    pub fn tint(&mut self, color: Vec3A) {
+        self.reflected *= color;
+        self.transmitted *= color;
+        match &mut self.model {
+            Model::Reflection(r) => r.fresnel = r.fresnel.scaled(color),
+            Model::Interface(i) => i.tint(color),
+            Model::OrenNayar(d) => d.weight *= color,
+            Model::Sheen(s) => s.weight *= color,
+            Model::Translucent(t) => t.weight *= color,
         }
     }
 

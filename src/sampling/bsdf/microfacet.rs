@@ -155,10 +155,21 @@ impl Interface {
         (interface, albedos)
     }
 
+    /// Whether it refracts.
+    pub fn is_transmissive(&self) -> bool {
+        self.transmission != Vec3A::ZERO
+    }
+
     /// Takes up what another one scatters.
     pub fn add(&mut self, other: &Interface) {
         self.reflection += other.reflection;
         self.transmission += other.transmission;
+    }
+
+    /// Multiplies what it scatters by a colour.
+    pub fn tint(&mut self, color: Vec3A) {
+        self.reflection *= color;
+        self.transmission *= color;
     }
 
     /// Leaves out what is reflected or what is refracted.

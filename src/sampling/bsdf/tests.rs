@@ -372,7 +372,8 @@ fn narrow_refraction_follows_its_pdf() {
     }
 }
 
-/// Five standard deviations, and 1.5 % for tables of 16 steps.
+/// Five standard deviations, and 1.5 % for tables of 16 steps. From within it may stay dark, as in
+/// Cycles, but for views in which hardly any facet turns light back.
 #[test]
 fn white_glass_in_a_white_furnace_is_invisible() {
     for roughness in ROUGHNESSES {
@@ -389,8 +390,10 @@ fn white_glass_in_a_white_furnace_is_invisible() {
                 principled_glass.add_principled(ONE, &params);
                 for bsdf in [glass, principled_glass] {
                     let (mean, sigma) = furnace(&bsdf);
+                    let noise = 0.015 + 5.0 * sigma;
+                    let least = if is_front || cos >= 0.7 { 1.0 } else { 0.5 };
                     assert!(
-                        (mean.x - 1.0).abs() < 0.015 + 5.0 * sigma,
+                        mean.x < 1.0 + noise && mean.x > least - noise,
                         "roughness {roughness}, cos {cos}, front {is_front}, ior {ior}: {mean}"
                     );
                 }
@@ -478,6 +481,47 @@ fn beyond_the_critical_angle_glass_is_a_mirror() {
             assert_eq!(sample.part, Part::Glossy);
         }
     }
+}
+
+/// Rough facets let light pass where a mirror would not: lights behind must be looked for.
+#[test]
+fn rough_glass_lets_light_through_beyond_the_critical_angle() {
+    let mut bsdf = Bsdf::new(UP, seen_under(0.4).wo, false);
+    bsdf.add_glass(ONE, ONE, UP, 0.8, 1.45, true);
+    let mut random = Random::new(13);
+    let samples = (0..200).filter_map(|_| bsdf.sample(random.next(), random.next_2d()));
+    let passed = samples.filter(|sample| sample.part == Part::Transmission);
+    assert!(passed.count() > 20);
+    assert!(bsdf.is_transmissive());
+    bsdf.remove(Part::Transmission);
+    assert!(!bsdf.is_transmissive());
+}
+
+#[test]
+fn bumps_shadow_each_other_at_grazing_light_alone() {
+    let bent = Vec3A::new(1.0, 0.0, 1.0).normalize();
+    let mut bumpy = seen_under(0.9);
+    bumpy.add_diffuse(ONE, ONE, bent, 0.0);
+    assert_eq!(bumpy.probability_lambert(), 0.0);
+    let share = |wi: Vec3A| bumpy.eval(wi).0.sum().x * std::f32::consts::PI / wi.dot(bent);
+    assert!((share(UP) - 1.0).abs() < 1e-6);
+    // alpha^2 = 1/8, tan^2 = 8: G = 2 / (1 + sqrt(2)).
+    let low = Vec3A::new(8f32.sqrt(), 0.0, 1.0).normalize();
+    assert!((share(low) - 0.828_427).abs() < 1e-5, "{}", share(low));
+    let mut even = seen_under(0.9);
+    even.add_diffuse(ONE, ONE, Vec3A::new(0.1, 0.0, 1.0).normalize(), 0.0);
+    assert_eq!(even.probability_lambert(), 1.0);
+}
+
+/// A normal below the surface leaves a diffuse closure the directions that lie above both.
+#[test]
+fn a_diffuse_normal_may_point_below_the_surface() {
+    let normal = Vec3A::new(0.8, 0.0, -0.6);
+    let mut bsdf = seen_under(0.9).with_smooth_normal(normal);
+    bsdf.add_diffuse(ONE, ONE, normal, 0.0);
+    let (mean, sigma) = furnace(&bsdf);
+    // Of a cosine lobe the wedge above both planes holds (1 + cos) / 2.
+    assert!((mean.x - 0.2).abs() < 5.0 * sigma, "{mean}");
 }
 
 #[test]

@@ -121,3 +121,7 @@ pub fn emission(a: &Args) -> Closure {
 pub fn transparent(a: &Args) -> Closure {
     Closure::Transparent((weight(a) * vector(a, 1)).max(Vec3A::ZERO))
 }
+
+pub fn holdout(a: &Args) -> Closure {
+    Closure::Holdout(weight(a))
+}
