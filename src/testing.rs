@@ -152,6 +152,19 @@ pub(crate) fn glossy(reflectance: f32, roughness: f32) -> Material {
     Material::of(&[("glossy", &inputs)])
 }
 
+/// A Principled BSDF of this base colour.
+pub(crate) fn lacquer(base: f32, roughness: f32) -> Material {
+    let inputs = [
+        ("Weight", 1.0),
+        ("Base Color", base),
+        ("Roughness", roughness),
+        ("IOR", 1.5),
+        ("Specular IOR Level", 0.5),
+        ("Specular Tint", 1.0),
+    ];
+    Material::of(&[("principled", &inputs)])
+}
+
 /// White glass.
 pub(crate) fn glass(roughness: f32) -> Material {
     let inputs = [

@@ -7,14 +7,19 @@
 //!
 //! A comparison gives a mask, a vector whose lanes have all bits set or none.
 
-use std::ops::{Add, BitAnd, Mul, Sub};
+use std::ops::{Add, BitAnd, Div, Mul, Sub};
 
 /// Lanes of a vector.
 pub const LANES: usize = 8;
 
 /// Eight lanes of `f32`.
 pub trait Vector:
-    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + BitAnd<Output = Self>
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + BitAnd<Output = Self>
 {
     /// The same number in every lane.
     fn splat(value: f32) -> Self;
@@ -26,6 +31,8 @@ pub trait Vector:
     fn load_upper_halves(from: &[i16; LANES]) -> Self;
     /// The lanes as numbers.
     fn to_array(self) -> [f32; LANES];
+    /// The square roots.
+    fn sqrt(self) -> Self;
     /// The smaller of each pair.
     fn min(self, other: Self) -> Self;
     /// The larger of each pair.
@@ -110,6 +117,14 @@ impl Mul for Portable {
     }
 }
 
+impl Div for Portable {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.each(other, |a, b| a / b)
+    }
+}
+
 impl BitAnd for Portable {
     type Output = Self;
     #[inline(always)]
@@ -142,6 +157,11 @@ impl Vector for Portable {
     #[inline(always)]
     fn to_array(self) -> [f32; LANES] {
         self.0
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(self.0.map(f32::sqrt))
     }
 
     #[inline(always)]
@@ -191,7 +211,7 @@ pub fn to_upper_half(value: f32) -> i16 {
 #[cfg(target_arch = "x86_64")]
 mod avx2 {
     use std::arch::x86_64::*;
-    use std::ops::{Add, BitAnd, Mul, Sub};
+    use std::ops::{Add, BitAnd, Div, Mul, Sub};
 
     use super::{LANES, Vector, Work};
 
@@ -228,6 +248,15 @@ mod avx2 {
         fn mul(self, other: Self) -> Self {
             // SAFETY: inside `run`, the feature is there.
             Self(unsafe { _mm256_mul_ps(self.0, other.0) })
+        }
+    }
+
+    impl Div for Avx2 {
+        type Output = Self;
+        #[inline(always)]
+        fn div(self, other: Self) -> Self {
+            // SAFETY: inside `run`, the feature is there.
+            Self(unsafe { _mm256_div_ps(self.0, other.0) })
         }
     }
 
@@ -278,6 +307,12 @@ mod avx2 {
             // SAFETY: inside `run`, the feature is there; there is room for eight.
             unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) };
             to
+        }
+
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            // SAFETY: inside `run`, the feature is there.
+            Self(unsafe { _mm256_sqrt_ps(self.0) })
         }
 
         #[inline(always)]
@@ -337,6 +372,8 @@ mod tests {
                 a + b,
                 a - b,
                 a * b,
+                a / b,
+                a.sqrt(),
                 a.min(b),
                 a.max(b),
                 a.at_most(b) & a,

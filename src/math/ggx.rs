@@ -30,6 +30,11 @@ impl Ggx {
         Self { along, across }
     }
 
+    /// Whether alpha is the same along the tangent and across it.
+    pub fn is_isotropic(self) -> bool {
+        self.along == self.across
+    }
+
     /// The geometric mean of the two alphas.
     pub fn alpha(self) -> f32 {
         (self.along * self.across).sqrt()

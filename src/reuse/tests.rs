@@ -7,11 +7,11 @@ use glam::{Affine3A, Mat4, Vec2, Vec3, Vec3A};
 use super::*;
 use crate::contract::{Filter, Recheck};
 use crate::scene::{
-    Camera, Lens, Light, LightKind, Panorama, Projection, Reach, SceneFrame, Visibility,
+    Camera, Lens, Light, LightKind, Material, Panorama, Projection, Reach, SceneFrame, Visibility,
 };
 use crate::testing::{
     MAX_SCORE, SEEDS, Scene, Shoot, any_camera, camera, cube, diffuse, glass, glossy, glowing,
-    mean_radiance, paper, plain_world, sphere, square,
+    lacquer, mean_radiance, paper, plain_world, sphere, square,
 };
 
 const METHODS: [Method; 5] = [
@@ -88,6 +88,10 @@ fn yard_seen_by(frame: i32, camera: Camera) -> Arc<SceneFrame> {
 
 /// A box with an opening, lit from outside: nearly all of its light is indirect.
 fn room(frame: i32) -> Arc<SceneFrame> {
+    room_of(frame, diffuse(0.7))
+}
+
+fn room_of(frame: i32, material: Material) -> Arc<SceneFrame> {
     let mut scene = Scene::new();
     scene.camera = camera(Vec3::new(0.0, -0.9, 0.0), Vec3::new(0.3, 1.0, -0.2), 1.2);
     let wall = |turn: Affine3A| turn * Affine3A::from_translation(Vec3::new(0.0, 0.0, -1.0));
@@ -98,7 +102,7 @@ fn room(frame: i32) -> Arc<SceneFrame> {
         Affine3A::from_rotation_y(std::f32::consts::FRAC_PI_2),
         Affine3A::from_rotation_x(std::f32::consts::PI),
     ] {
-        scene.add(square(), wall(turn), diffuse(0.7));
+        scene.add(square(), wall(turn), material.clone());
     }
     scene.frame(frame)
 }
@@ -364,19 +368,44 @@ fn gathers_of_one_camera_ray_are_as_good_as_samples() {
 /// Sharing must pay where it is meant to: the pictures of two seeds differ less.
 #[test]
 fn a_room_is_less_noisy_with_sharing() {
-    let room = [room(1)];
+    let ratio = noise_ratio(&[room(1)]);
+    assert!(ratio < 0.25, "{ratio}");
+}
+
+/// Squared noise of sharing within a frame over that of path tracing, from two seeds.
+fn noise_ratio(frames: &[Arc<SceneFrame>; 1]) -> f64 {
     let noise = |method| {
         let settings = |seed| Settings {
             window: 1,
             seed,
             ..settings(method)
         };
-        let [a, b] = [1, 2].map(|seed| shoot(&room, settings(seed)).pictures(&[1]).concat());
+        let [a, b] = [1, 2].map(|seed| shoot(frames, settings(seed)).pictures(&[1]).concat());
         let squares = a.iter().zip(&b).map(|(a, b)| f64::from(a - b).powi(2));
         squares.sum::<f64>()
     };
-    let ratio = noise(Method::DualCone) / noise(Method::Path);
-    assert!(ratio < 0.25, "{ratio}");
+    noise(Method::DualCone) / noise(Method::Path)
+}
+
+/// Were the light that lacquer reflects about the mirror direction each pixel's own, the ratio would be
+/// twice as large.
+#[test]
+fn wide_gloss_is_shared_and_keeps_its_energy() {
+    let room = [room_of(1, lacquer(0.7, 0.35))];
+    let ratio = noise_ratio(&room);
+    assert!(ratio < 0.15, "{ratio}");
+    let run = |method| {
+        let settings = Settings {
+            samples: 16,
+            window: 1,
+            ..settings(method)
+        };
+        shoot(&room, settings).mean_of(1, SEEDS)
+    };
+    let bias = run(Method::DualCone).against(run(Method::Path));
+    let bound = 0.01 + MAX_SCORE * bias.error;
+    assert!(bias.mean.abs() < bound, "{bias:?}");
+    assert!(bias.error < 0.01, "{bias:?}");
 }
 
 /// Error against samples, in a room where a block is a sixth of the picture. With a bias that stays,

@@ -3,14 +3,16 @@
 use glam::Vec3A;
 
 use super::Memory;
+use super::gloss::{Gloss, LEAST_ALPHA, Lobe};
 use super::records::{
-    COSINE_LIMIT, LENT_CLASSES, Neighbours, TAN_BETA, UNIT, column, quantised, wide_column,
+    COSINE_LIMIT, LENT_CLASSES, Light, Neighbours, TAN_BETA, UNIT, column, quantised, wide_column,
 };
 use crate::film::{Lending, Pilot, PixelSums};
-use crate::kernel::vector::{LANES, Vector, Work, run_on_vectors, upper_half};
+use crate::kernel::vector::{LANES, Vector, Work, run_on_vectors};
 use crate::math::luminance;
 use crate::record::PADDING;
 use crate::reuse::View;
+use crate::sampling;
 use crate::scene::Motion;
 use crate::surface::Surface;
 
@@ -36,13 +38,15 @@ pub fn kernel_floor(iteration: u32) -> f32 {
     KERNEL_FLOOR * ((iteration + 1) as f32).powf(-0.25)
 }
 
-/// The pixel that borrows, 12 bytes.
+/// The pixel that borrows, 28 bytes.
 #[derive(Clone, Copy, Default)]
 pub struct Receiver {
     /// Share of light that its Lambert part reflects, in units of 1 / [`ALBEDO_UNIT`].
     albedo: [u16; 3],
     /// The shading normal of that part, in units of 1 / [`UNIT`].
     normal: [i16; 3],
+    /// The glossy closure about that normal, if it is wide enough to borrow.
+    gloss: Gloss,
 }
 
 /// What an albedo of one is kept as. Colours up to four are kept, and black is exact.
@@ -50,13 +54,19 @@ const ALBEDO_UNIT: f32 = 16383.0;
 
 impl Receiver {
     /// What a surface needs to borrow.
-    pub fn at(surface: &Surface) -> Self {
+    pub fn at(surface: &Surface, gloss: Option<&sampling::Gloss>) -> Self {
         // The cast saturates.
         let albedo = surface.bsdf.albedo_lambert() * ALBEDO_UNIT;
         Self {
             albedo: albedo.to_array().map(|a| a.round() as u16),
             normal: surface.bsdf.lambert_normal().to_array().map(quantised),
+            gloss: gloss.map(Gloss::new).unwrap_or_default(),
         }
+    }
+
+    /// The closure of a surface that takes borrowed light beside the Lambert part.
+    pub fn gloss(surface: &Surface) -> Option<sampling::Gloss> {
+        surface.bsdf.gloss(LEAST_ALPHA).filter(Gloss::fits)
     }
 
     fn albedo(&self) -> Vec3A {
@@ -91,6 +101,11 @@ struct Block {
     geometric_normal: Vec3A,
     normal: Vec3A,
     object: f32,
+    /// Direction to the viewer.
+    wo: Vec3A,
+    gloss: Gloss,
+    /// Radius of the kernel of light for that closure [m].
+    gloss_radius: f32,
     /// Largest squared distance of a valid neighbour [m^2].
     distance_squared: f32,
     /// 1 / rho^2 of each class [1/m^2].
@@ -176,7 +191,8 @@ impl Borrow<'_> {
             return Pilot::default();
         };
         let albedo = self.receiver(x, y).albedo();
-        let own = albedo * self.own_irradiance(x, y);
+        let reflected = |sums: &Sums<V>| albedo * sums.irradiance() + sums.gloss();
+        let own = reflected(&self.own::<V>(&block, x, y));
         if lending == Lending::None {
             pixel.add_radiance(own);
             pixel.add_effective_samples(1.0);
@@ -192,13 +208,13 @@ impl Borrow<'_> {
         for lender in (0..self.lenders.len()).filter(is_own) {
             self.add_lender(&block, lender, x, y, &mut sums);
         }
-        let frame = albedo * sums.irradiance();
+        let frame = reflected(&sums);
         if lending == Lending::Window {
             for lender in (0..self.lenders.len()).filter(|lender| !is_own(lender)) {
                 self.add_lender(&block, lender, x, y, &mut sums);
             }
         }
-        let borrowed = albedo * sums.irradiance();
+        let borrowed = reflected(&sums);
         pixel.add_radiance(borrowed);
         pixel.add_effective_samples(sums.effective_samples(self.classes));
         Pilot {
@@ -208,16 +224,30 @@ impl Borrow<'_> {
         }
     }
 
-    fn receiver(&self, x: usize, y: usize) -> &Receiver {
-        &self.memories[self.target].receivers[y * self.width() + x]
+    /// The pixel's own record alone.
+    #[inline(always)]
+    fn own<V: Vector>(&self, block: &Block, x: usize, y: usize) -> Sums<V> {
+        let rows = self.memories[self.target].records.rows(y);
+        let neighbours = Neighbours::new(rows, x as i64);
+        let mut sums = Sums::new();
+        let first = V::load(&LANE).at_most(V::splat(0.5));
+        let place = Place {
+            position: block.position,
+            x: x as i64,
+            y: y as i64,
+            is_of_object: false,
+        };
+        sums.add(
+            &Wanted::new(block, &place),
+            &neighbours,
+            first,
+            self.classes,
+        );
+        sums
     }
 
-    /// Irradiance over pi by the pixel's own record alone.
-    fn own_irradiance(&self, x: usize, y: usize) -> Vec3A {
-        let (_, narrow) = self.memories[self.target].records.rows(y);
-        let value = [0, 1, 2].map(|axis| upper_half(narrow.get(column::VALUE + axis, x)));
-        let cosine = f32::from(narrow.get(column::COSINE, x)) / UNIT;
-        Vec3A::from_array(value) * cosine
+    fn receiver(&self, x: usize, y: usize) -> &Receiver {
+        &self.memories[self.target].receivers[y * self.width() + x]
     }
 
     fn width(&self) -> usize {
@@ -245,17 +275,19 @@ impl Borrow<'_> {
         let floor = self.kernel_floor * pixel_size;
         let index = y * self.width() + x;
         let distance = memory.distances[index];
+        // Eq. 3 reaches g = 1 at d = 2 R tan(beta).
+        let radius = |tan_beta: f32| KERNEL_SCALE * (2.0 * distance * tan_beta).max(floor);
+        let receiver = self.receiver(x, y);
         Some(Block {
             position,
             geometric_normal,
-            normal: self.receiver(x, y).normal(),
+            normal: receiver.normal(),
             object: wide.get(wide_column::OBJECT, x),
+            wo,
+            gloss: receiver.gloss,
+            gloss_radius: radius(receiver.gloss.tan_beta()),
             distance_squared: (DIAGONAL * side * pixel_size).powi(2),
-            inverse_radius_squared: TAN_BETA.map(|tan_beta| {
-                // Eq. 3 reaches g = 1 at d = 2 R tan(beta).
-                let radius = KERNEL_SCALE * (2.0 * distance * tan_beta).max(floor);
-                1.0 / (radius * radius)
-            }),
+            inverse_radius_squared: TAN_BETA.map(|tan_beta| radius(tan_beta).powi(-2)),
         })
     }
 
@@ -332,6 +364,8 @@ struct Wanted<V> {
     object: Option<V>,
     distance_squared: V,
     inverse_radius_squared: [V; LENT_CLASSES],
+    /// The glossy closure, if there is one.
+    lobe: Option<Lobe<V>>,
 }
 
 impl<V: Vector> Wanted<V> {
@@ -346,6 +380,8 @@ impl<V: Vector> Wanted<V> {
             object: place.is_of_object.then(|| V::splat(block.object)),
             distance_squared: V::splat(block.distance_squared),
             inverse_radius_squared: block.inverse_radius_squared.map(V::splat),
+            lobe: (block.gloss.is_some())
+                .then(|| Lobe::new(&block.gloss, block.normal, block.wo, block.gloss_radius)),
         }
     }
 }
@@ -361,7 +397,7 @@ fn brought<V: Vector>(cosine: V) -> V {
 }
 
 #[inline(always)]
-fn dot<V: Vector>([ax, ay, az]: [V; 3], [bx, by, bz]: [V; 3]) -> V {
+pub fn dot<V: Vector>([ax, ay, az]: [V; 3], [bx, by, bz]: [V; 3]) -> V {
     ax * bx + ay * by + az * bz
 }
 
@@ -377,6 +413,9 @@ struct Sums<V> {
     value: [[V; 3]; LENT_CLASSES],
     /// Squared weights of the widest class, for the effective number of samples.
     weight_squared: V,
+    /// Sum of the weights of light for the glossy closure.
+    gloss_weight: V,
+    gloss_value: [V; 3],
 }
 
 impl<V: Vector> Sums<V> {
@@ -387,6 +426,8 @@ impl<V: Vector> Sums<V> {
             weight: [zero; LENT_CLASSES],
             value: [[zero; 3]; LENT_CLASSES],
             weight_squared: zero,
+            gloss_weight: zero,
+            gloss_value: [zero; 3],
         }
     }
 
@@ -417,6 +458,10 @@ impl<V: Vector> Sums<V> {
         let Some(light) = neighbours.light::<V>() else {
             return;
         };
+        if let Some(lobe) = &wanted.lobe {
+            let valid = valid & lobe.least_cosine.at_most(turned);
+            self.add_gloss(lobe, &light, distance_squared, valid);
+        }
         let (zero, one) = (V::splat(0.0), V::splat(1.0));
         let brought = brought(turned);
         let cosine = dot(light.direction, wanted.normal)
@@ -436,6 +481,37 @@ impl<V: Vector> Sums<V> {
                 let sum = &mut self.value[class][axis];
                 *sum = *sum + share * light.value[axis];
             }
+        }
+    }
+
+    /// Adds what the glossy closure reflects of the light. One kernel serves all classes: its radius
+    /// is that of the lobe.
+    #[inline(always)]
+    fn add_gloss(&mut self, lobe: &Lobe<V>, light: &Light<V>, distance_squared: V, valid: V) {
+        let falloff = V::splat(1.0) - distance_squared * lobe.inverse_radius_squared;
+        let falloff = falloff.max(V::splat(0.0)) & valid;
+        let weight = falloff * falloff;
+        self.gloss_weight = self.gloss_weight + weight;
+        let [red, green, blue] = light.value;
+        let brought = weight * (red + green + blue);
+        if !V::splat(f32::MIN_POSITIVE).at_most(brought).any() {
+            return;
+        }
+        let reflected = lobe.reflected(light.direction);
+        let values = reflected.into_iter().zip(light.value);
+        for (sum, (reflected, value)) in self.gloss_value.iter_mut().zip(values) {
+            *sum = *sum + weight * reflected * value;
+        }
+    }
+
+    /// Radiance that the glossy closure reflects.
+    #[inline(always)]
+    fn gloss(&self) -> Vec3A {
+        let weight = self.gloss_weight.sum();
+        if weight > 0.0 {
+            Vec3A::from_array(self.gloss_value.map(V::sum)) / weight
+        } else {
+            Vec3A::ZERO
         }
     }
 

@@ -20,6 +20,7 @@
 
 mod borrow;
 mod drift;
+mod gloss;
 mod records;
 mod sample;
 mod veto;

@@ -109,7 +109,8 @@ impl<'a> Pass<'a> {
             .window
             .object(self.view.index, surface.hit.instance);
         sample.record = Record::at(surface, object);
-        sample.receiver = Receiver::at(surface);
+        let gloss = Receiver::gloss(surface);
+        sample.receiver = Receiver::at(surface, gloss.as_ref());
         let numbers = shot.sampler.scatter(0);
         let Some(drawn) = surface.bsdf.sample(numbers.lobe, numbers.direction) else {
             return Vec3A::ZERO;
@@ -135,7 +136,12 @@ impl<'a> Pass<'a> {
         };
         let record = lent / (PI * pdf_solid_angle);
         sample.record.lend(drawn.direction, record, surface, class);
-        (own * drawn.value.lambert + gathered.sum() * drawn.value.own()) / pdf_solid_angle
+        let gloss = gloss.map_or(Vec3A::ZERO, |gloss| {
+            surface.bsdf.eval_gloss(&gloss, drawn.direction)
+        });
+        let borrows = drawn.value.lambert + gloss;
+        let rest = (drawn.value.own() - gloss).max(Vec3A::ZERO);
+        (own * borrows + gathered.sum() * rest) / pdf_solid_angle
     }
 
     fn class_of(&self, gathered: &Gathered, direction: Vec3A) -> Class {

@@ -148,6 +148,16 @@ impl Fresnel {
         self.dip += other.dip;
     }
 
+    /// Index of refraction, 0 for Schlick's curve, with the reflectances at normal and at grazing
+    /// incidence; none for a metal whose edge is tinted.
+    pub fn parts(&self) -> Option<(f32, Vec3A, Vec3A)> {
+        let ior = match self.curve {
+            Curve::Schlick => 0.0,
+            Curve::Dielectric { ior } => ior,
+        };
+        (self.dip == Vec3A::ZERO).then_some((ior, self.f0, self.f90))
+    }
+
     /// The same, multiplied by a colour.
     pub fn scaled(&self, factor: Vec3A) -> Self {
         Self {

@@ -139,6 +139,21 @@ pub struct BsdfSample {
     pub pdfs: LobePdfs,
 }
 
+/// What describes a reflecting closure without grain.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gloss {
+    /// GGX alpha.
+    pub alpha: f32,
+    /// Index of refraction of a dielectric; 0 where reflectance follows Schlick's curve.
+    pub ior: f32,
+    /// Reflectance at normal incidence, the closure's weight included.
+    pub f0: Vec3A,
+    /// Reflectance at grazing incidence, the closure's weight included.
+    pub f90: Vec3A,
+    /// Which closure it is.
+    index: usize,
+}
+
 /// A basis that closures share, and the viewer in it.
 #[derive(Debug, Clone, Copy)]
 struct View {
@@ -605,6 +620,40 @@ impl Bsdf {
     /// Share of white light that the Lambert part reflects.
     pub fn albedo_lambert(&self) -> Vec3A {
         self.lambert
+    }
+
+    /// The brightest closure without grain that reflects about the normal of the Lambert part with at
+    /// least this GGX alpha.
+    pub fn gloss(&self, least_alpha: f32) -> Option<Gloss> {
+        let gloss = |(index, lobe): (usize, &Lobe)| {
+            let Model::Reflection(Reflection { ggx, fresnel }) = lobe.model else {
+                return None;
+            };
+            let is_wide = ggx.is_isotropic() && ggx.alpha() >= least_alpha;
+            let (ior, f0, f90) = fresnel.parts()?;
+            (is_wide && lobe.view == self.lambert_view).then_some(Gloss {
+                alpha: ggx.alpha(),
+                ior,
+                f0,
+                f90,
+                index,
+            })
+        };
+        let brightness = |gloss: &Gloss| luminance(self.lobes[gloss.index].albedo());
+        let all = self.lobes().iter().enumerate().filter_map(gloss);
+        all.max_by(|a, b| brightness(a).total_cmp(&brightness(b)))
+    }
+
+    /// `f cos` [1/sr] of such a closure towards `wi`.
+    pub fn eval_gloss(&self, gloss: &Gloss, wi: Vec3A) -> Vec3A {
+        let lobe = &self.lobes[gloss.index];
+        let view = &self.views[lobe.view as usize];
+        let is_above = wi.dot(self.geometric_normal) > 0.0;
+        let scattered = lobe.eval(view.wo, view.frame.to_local(wi));
+        match scattered {
+            Some(scattered) if is_above => scattered.value,
+            _ => Vec3A::ZERO,
+        }
     }
 
     /// Share of white light that a part scatters towards the viewer; Lambert counts as diffuse.
