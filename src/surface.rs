@@ -89,6 +89,7 @@ fn facing(normal: Vec3A, direction: Vec3A) -> Vec3A {
 }
 
 /// The surface that `ray` meets at `hit`.
+#[inline]
 pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
     let facet = Facet::new(frame, hit.instance, hit.triangle, ray.time);
     let point = point_of(&facet, hit, ray, info);

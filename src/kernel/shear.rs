@@ -16,14 +16,16 @@ pub struct Shear {
 }
 
 impl Shear {
+    #[inline(always)]
     pub fn new(ray: &Ray) -> Self {
+        const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
         let d = ray.direction.to_array();
-        let z = largest_axis(ray.direction);
-        let axes = [(z + 1) % 3, (z + 2) % 3, z];
+        let axes = AXES[largest_axis(ray.direction)];
+        let [x, y, z] = axes.map(|axis| d[axis]);
         Self {
             origin: ray.origin.to_array(),
             axes,
-            shear: [d[axes[0]] / d[z], d[axes[1]] / d[z], 1.0 / d[z]],
+            shear: (Vec3A::new(x, y, 1.0) / z).to_array(),
             t_min: ray.t_min,
         }
     }
@@ -41,13 +43,10 @@ pub fn exact_edges(x: [f32; 3], y: [f32; 3]) -> [f32; 3] {
 }
 
 /// The axis of the largest component, the later one of equals.
-pub fn largest_axis(v: Vec3A) -> usize {
+#[inline(always)]
+fn largest_axis(v: Vec3A) -> usize {
     let v = v.abs();
-    if v.z >= v.x && v.z >= v.y {
-        2
-    } else if v.y >= v.x {
-        1
-    } else {
-        0
-    }
+    // Without branches: which axis it is nobody can predict.
+    let largest = v.cmpge(Vec3A::splat(v.max_element())).bitmask();
+    (largest | 1).ilog2() as usize
 }

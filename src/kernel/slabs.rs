@@ -1,6 +1,5 @@
 //! The ray as the box test wants it.
 
-use super::shear::largest_axis;
 use crate::math::Ray;
 use glam::Vec3A;
 
@@ -30,27 +29,32 @@ const LEAST_SLOPE: f32 = 1.0 / (1 << 30) as f32;
 impl Slabs {
     /// For boxes inside `bounds`. None when the ray has no direction, is not finite, or is out of
     /// the range of the arithmetic (a direction shorter than about 1e-20), and so meets nothing.
+    #[inline(always)]
     pub fn new(ray: &Ray, bounds: (Vec3A, Vec3A)) -> Option<Self> {
-        let steepest = ray.direction.abs().max_element();
+        let magnitude = ray.direction.abs();
+        let steepest = magnitude.max_element();
         if !(steepest > 0.0 && steepest < f32::INFINITY) {
             return None;
         }
         let least = Vec3A::splat(steepest * LEAST_SLOPE);
-        let slopes = ray.direction.abs().max(least).copysign(ray.direction);
+        let slopes = magnitude.max(least).copysign(ray.direction);
         let inverse = slopes.recip();
         let reach = (bounds.0 - ray.origin)
             .abs()
             .max((bounds.1 - ray.origin).abs());
-        let forward = Vec3A::splat(reach[largest_axis(ray.direction)]);
+        let is_steepest = magnitude.cmpge(Vec3A::splat(steepest));
+        let forward = Vec3A::select(is_steepest, reach, Vec3A::ZERO).max_element();
         let padding = (ray.origin.abs() + reach + forward) * PADDING * inverse.abs();
         let origin = ray.origin * inverse;
         let (near_offset, far_offset) = (origin + padding, origin - padding);
-        // From here on no NaN: an empty box would pass for a box that is met.
-        (near_offset.is_finite() && far_offset.is_finite()).then(|| Self {
+        let backward = inverse.cmplt(Vec3A::ZERO).bitmask();
+        // From here on no NaN: an empty box would pass for a box that is met. The sum is finite only
+        // where both are.
+        (near_offset + far_offset).is_finite().then(|| Self {
             inverse: inverse.to_array(),
             near_offset: near_offset.to_array(),
             far_offset: far_offset.to_array(),
-            backward: inverse.to_array().map(|x| x < 0.0),
+            backward: [1, 2, 4].map(|bit| backward & bit != 0),
             t_min: ray.t_min,
         })
     }

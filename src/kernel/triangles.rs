@@ -226,14 +226,16 @@ impl<A: FnMut(&TriangleHit) -> bool> Job for Closest<'_, A> {
     #[inline(always)]
     fn run<L: Lanes>(mut self) -> Self::Output {
         let mut walk = Walk::<L>::new(self.bvh.tree.as_ref()?, self.ray)?;
-        let shear = Shear::new(self.ray);
+        // Made at the first leaf: many walks through a mesh's box meet none.
+        let mut shear = None;
         let mut meetings = Meetings::default();
         let mut best: Option<TriangleHit> = None;
         let mut t_max = self.ray.t_max;
         let mut moved = Packet::EMPTY;
         while let Some(leaf) = walk.next_nearest(t_max) {
             let packet = self.bvh.packet(leaf as usize, self.ray.time, &mut moved);
-            let met = L::meet_triangles(packet, &shear, t_max, &mut meetings);
+            let shear = shear.get_or_insert_with(|| Shear::new(self.ray));
+            let met = L::meet_triangles(packet, shear, t_max, &mut meetings);
             for hit in hits(packet, met, &meetings) {
                 let nearer = match best {
                     None => true,
@@ -265,12 +267,14 @@ impl<A: FnMut(&TriangleHit) -> bool> Job for Any<'_, A> {
         let Some(mut walk) = tree.and_then(|tree| Walk::<L>::new(tree, self.ray)) else {
             return false;
         };
-        let shear = Shear::new(self.ray);
+        // Made at the first leaf: many walks through a mesh's box meet none.
+        let mut shear = None;
         let mut meetings = Meetings::default();
         let mut moved = Packet::EMPTY;
         while let Some(leaf) = walk.next_largest(self.ray.t_max) {
             let packet = self.bvh.packet(leaf as usize, self.ray.time, &mut moved);
-            let met = L::meet_triangles(packet, &shear, self.ray.t_max, &mut meetings);
+            let shear = shear.get_or_insert_with(|| Shear::new(self.ray));
+            let met = L::meet_triangles(packet, shear, self.ray.t_max, &mut meetings);
             if hits(packet, met, &meetings).any(|hit| (self.accept)(&hit)) {
                 return true;
             }

@@ -197,6 +197,7 @@ pub struct Bsdf {
 impl Bsdf {
     /// A black surface seen from `wo`, from outside where `is_front`. Both are unit vectors in world
     /// space; `geometric_normal` is on the side of `wo`.
+    #[inline(always)]
     pub fn new(geometric_normal: Vec3A, wo: Vec3A, is_front: bool) -> Self {
         Self {
             geometric_normal,
