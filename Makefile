@@ -20,7 +20,7 @@ HOST_WHEEL := $(if $(filter Linux,$(shell uname -s)),--zig --compatibility manyl
 CORE_FILES := Cargo.toml Cargo.lock pyproject.toml $(shell find src python -type f -name '*.[rp][sy]*')
 ADDON_FILES := $(shell find addon -type f -not -name '*.pyc')
 
-.PHONY: help demo test lint format test-rust test-python test-blender extension extension-full extension-all bench bench-paper chart parity parity-references stability clean
+.PHONY: help demo test lint format test-rust test-python test-blender extension extension-full extension-all bench bench-paper scaling chart parity parity-references stability clean
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -68,6 +68,12 @@ extension-full: build/extension.ready ## the same with OpenImageDenoise inside
 
 extension-all: $(TOOLS)/.ready ## the same for all five platforms, cross-built
 	$(TOOLS)/bin/python scripts/build_all.py
+
+# `make scaling SCALING_FLAGS=--full` goes to 10 million triangles, `--write-docs` writes docs/scaling.md.
+SCALING_FLAGS ?=
+
+scaling: $(BPY_NEW)/.ready build/site/.ready ## time and memory against triangles, pixels, window, lamps
+	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/scaling.py $(SCALING_FLAGS)
 
 bench: $(BPY_NEW)/.ready build/site/.ready ## speed and memory against their targets
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/bench.py
