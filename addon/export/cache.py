@@ -120,7 +120,8 @@ class ExportCache:
     def same_but_noise(self, form: bytes, corner_uvs: np.ndarray) -> CachedMesh | None:
         """Return the mesh of that form whose texture coordinates differ by noise at most."""
         for mesh in self._by_form.get(form, ()):
-            if np.allclose(mesh.corner_uvs, corner_uvs, rtol=0.0, atol=UV_NOISE):
+            is_alike = mesh.corner_uvs.shape == corner_uvs.shape
+            if is_alike and np.allclose(mesh.corner_uvs, corner_uvs, rtol=0.0, atol=UV_NOISE):
                 return mesh
         return None
 

@@ -27,14 +27,15 @@ class Faces:
     positions: np.ndarray  # (V, 3) m, object
     corner_vertices: np.ndarray  # (K,) vertex
     corner_normals: np.ndarray  # (K, 3) unit, object
-    corner_uvs: np.ndarray  # (K, 2)
+    corner_uvs: np.ndarray  # (K, 2), or (0, 2) where nobody asks for them
     face_starts: np.ndarray  # (F,) corner
     face_materials: np.ndarray  # (F,) slot
     layers: dict[str, np.ndarray]  # (K, 4) each, by name
 
     def digests(self) -> tuple[bytes, bytes]:
         """Hash of all but the texture coordinates, and of everything."""
-        content = hashlib.blake2b(repr(sorted(self.layers)).encode(), digest_size=16)
+        # Processors have instructions for it: of deforming meshes every byte is hashed each frame.
+        content = hashlib.sha1(repr(sorted(self.layers)).encode(), usedforsecurity=False)
         for array in (*vars(self).values(), *self.layers.values()):
             if isinstance(array, np.ndarray) and array is not self.corner_uvs:
                 content.update(str(array.shape).encode())
@@ -120,7 +121,7 @@ def read_faces(mesh: bpy.types.Mesh, wanted: frozenset[str], warn: Callable[[str
         corner_vertices=_read(attributes[".corner_vert"].data, "value", corners, 0),
         corner_normals=_read(mesh.corner_normals, "vector", corners, 3),
         corner_uvs=(
-            _read(uv_map.uv, "vector", corners, 2) if uv_map else np.zeros((corners, 2), np.float32)
+            _read(uv_map.uv, "vector", corners, 2) if uv_map else np.empty((0, 2), np.float32)
         ),
         face_starts=starts,
         face_materials=np.maximum(face_materials, 0),
@@ -144,14 +145,22 @@ def triangle_arrays(mesh: bpy.types.Mesh, faces: Faces) -> dict[str, np.ndarray]
     mesh.loop_triangles.foreach_get("loops", corners.reshape(-1))
     polygons = np.empty(count, np.int32)
     mesh.loop_triangle_polygons.foreach_get("value", polygons)
+
+    def of_corners(values: np.ndarray) -> np.ndarray:
+        return values.take(corners, axis=0)  # twice as fast as an index
+
     return {
         "vertices": faces.positions,
         "triangles": faces.corner_vertices[corners].astype(np.uint32),
-        "corner_normals": faces.corner_normals[corners],
-        "corner_uvs": faces.corner_uvs[corners],
+        "corner_normals": of_corners(faces.corner_normals),
+        "corner_uvs": (
+            of_corners(faces.corner_uvs)
+            if len(faces.corner_uvs)
+            else np.zeros((count, 3, 2), np.float32)
+        ),
         "layer_keys": np.array([layer_key(name) for name in faces.layers], np.uint32),
         "layer_values": np.array(
-            [values[corners] for values in faces.layers.values()], np.float32
+            [of_corners(values) for values in faces.layers.values()], np.float32
         ).reshape(-1, count, 3, 4),
         "material_slots": faces.face_materials[polygons].astype(np.uint32),
     }

@@ -178,3 +178,13 @@ def test_images_are_looked_at_again_even_where_programs_are_kept(tmp_path: Any) 
     after = export_now(cache)
     assert contents(after) == contents(export_now())
     assert after.content_hash != before.content_hash
+
+
+def test_a_mesh_whose_texture_coordinates_nobody_asks_for_any_more_is_another() -> None:
+    stage = Stage()
+    stage.cube.data.uv_layers.new()
+    cache = export.ExportCache()
+    export_now(cache)
+    stage.cube.material_slots[0].material = stage.other
+    stage.cube.data.update_tag()
+    assert contents(export_now(cache)) == contents(export_now())
