@@ -77,6 +77,7 @@ scaling: $(BPY_NEW)/.ready build/site/.ready ## time and memory against triangle
 
 bench: $(BPY_NEW)/.ready build/site/.ready ## speed and memory against their targets
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/bench.py
+	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/bench_export.py
 
 bench-paper: $(BPY_NEW)/.ready build/site/.ready ## Table 1 and Figure 3 of the paper, measured again: docs/bench-paper.md
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/bench_paper.py

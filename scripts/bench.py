@@ -11,9 +11,11 @@ import argparse
 import os
 from collections.abc import Iterator, Sequence
 from statistics import median
+from typing import Any
 
-import bpy  # noqa: F401  first: it brings its own numpy settings and libraries
+import bpy  # first: it brings its own numpy settings and libraries
 
+from dualcone.chart.cycles import Cycles
 from measure import Rendering, Resolution, Sample, machine
 
 FRAME = 31
@@ -26,6 +28,7 @@ METHODS = {
     "PATH": {"method": "PATH"},
     "DUAL_CONE": {"method": "DUAL_CONE", "window": 1, "block": 7},
 }
+CORES = 64  # of the machine that the speed-up is foretold for
 Row = tuple[str, str, str]
 
 
@@ -69,6 +72,42 @@ def speed_rows(sample: Sample, size: Resolution, rounds: int) -> Iterator[Row]:
         yield f"DUAL_CONE, {light} [bytes/pixel/frame]", "<= 100", f"{memory:.0f}"
 
 
+def thread_rows(sample: Sample, size: Resolution, rounds: int) -> Iterator[Row]:
+    """Yield what more threads gain, and what Amdahl's law makes of it."""
+    threads = os.cpu_count() or 1
+    if threads < 2:
+        return
+    settings = {"samples": SAMPLES, **METHODS["PATH"], **LIGHTS["4 bounces"]}
+    ratios = []
+    for _ in range(rounds):
+        one, all_ = (
+            sample.render([FRAME], size, settings, threads=n).seconds["pass_1"]
+            for n in (1, threads)
+        )
+        ratios.append(one / all_)
+    gain = median(ratios)
+    parallel = min(1.0, max(0.0, (1.0 - 1.0 / gain) / (1.0 - 1.0 / threads)))
+    target = ">= 1.85" if threads == 2 else ""
+    yield f"PATH, 4 bounces: {threads} threads over 1", target, f"{gain:.2f}"
+    foretold = 1.0 / (1.0 - parallel + parallel / CORES)
+    yield f"... parallel share, and {CORES} cores by it", "", f"{parallel:.0%} {foretold:.0f}x"
+
+
+def rival_rows(sample: Sample, size: Resolution, rounds: int) -> Iterator[Row]:
+    """Yield samples per processor second beside those of Cycles, for the same picture."""
+    scene: Any = bpy.context.scene
+    for name, value in LIGHTS["4 bounces"].items():
+        setattr(scene.cycles, name, value)
+    cycles = Cycles(sample, size)
+    settings = {"samples": SAMPLES, **METHODS["PATH"], **LIGHTS["4 bounces"]}
+    ratios = []
+    for index in range(rounds):
+        theirs = cycles.render([FRAME], SAMPLES, index).cpu_seconds
+        ours = sample.render([FRAME], size, settings).sampling_cpu_seconds
+        ratios.append(theirs / ours)
+    yield f"{sample.name}, PATH, 4 bounces: samples/s over Cycles", ">= 3", f"{median(ratios):.2f}"
+
+
 def export_rows(sample: Sample, size: Resolution, rounds: int) -> Iterator[Row]:
     """Yield what an export costs where nothing, some or all has changed since the one before."""
     first = sample.export(FRAME, size).seconds
@@ -95,7 +134,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for name in ("stadium", "figure", "loader"):
         sample = Sample(name)
         rows += export_rows(sample, size, rounds)
+        rows += rival_rows(sample, size, rounds)
     rows += speed_rows(sample, size, rounds)
+    rows += thread_rows(sample, size, rounds)
     print(f"{machine()}; {sample.name}, {size[0]} x {size[1]}, medians of {rounds}")
     for label, target, reached in rows:
         print(f"{label:<58}{target:>10}{reached:>10}")

@@ -172,8 +172,9 @@ class Scene:
         settings: Settings,
         *,
         is_denoised: bool = False,
+        threads: int = 0,
     ) -> Rendering:
-        """Render the frames `targets` together, on all cores."""
+        """Render the frames `targets` together, on all cores or on this many threads."""
         numbers = dualcone.window_frames(settings, targets, 1)
         exported = [self.exported(number, resolution) for number in numbers]
         frames = [dualcone.SceneFrame(e.frame, e.meshes, e.images, e.arrays) for e in exported]
@@ -181,7 +182,7 @@ class Scene:
         region: Any = {"width": width, "height": height, "x_min": 0, "y_min": 0}
         region |= {"x_max": width, "y_max": height}
         started = time.process_time()
-        job = dualcone.Render(frames, targets, 1, region, settings, os.cpu_count() or 1)
+        job = dualcone.Render(frames, targets, 1, region, settings, threads or os.cpu_count() or 1)
         while not job.wait(POLL_SECONDS):
             pass
         results: list[Any] = [job.result(target) for target in targets]
