@@ -239,6 +239,7 @@ mod tests {
             materials: vec![],
             visibility: Visibility::ALL,
             is_holdout: false,
+            membership: crate::scene::Membership::ALL,
         }
     }
 

@@ -219,6 +219,20 @@ pub const FRAME: &[ArraySpec] = &[
         "Whether camera rays meet a hole in the picture in its place.",
     ),
     array(
+        "instance_receiver_sets",
+        U64,
+        &["I"],
+        "bits",
+        "The sets of things that lights are linked to which it is in, bit 0 always: it is lit by the lights of these sets.",
+    ),
+    array(
+        "instance_blocker_sets",
+        U64,
+        &["I"],
+        "bits",
+        "The same for shadows: it stops the light of the lights of these sets.",
+    ),
+    array(
         "material_programs",
         U32,
         &["M", "2"],
@@ -322,6 +336,13 @@ pub const FRAME: &[ArraySpec] = &[
         &["L"],
         "1",
         "Number of the last bounce that it lights, counted from 0.",
+    ),
+    array(
+        "light_links",
+        U32,
+        &["L", "2"],
+        "set",
+        "Numbers of the sets of things that it lights and that stop its light; 0 for all.",
     ),
     array(
         "world_from_camera",

@@ -1,6 +1,6 @@
 //! Textures: RGBA texels with Blender's row order, filtered as Cycles filters them.
 
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
 use glam::{Vec2, Vec4};
 
@@ -72,6 +72,15 @@ enum Texels {
     Bytes(Vec<[u8; 4]>),
 }
 
+/// What is seen where an image should be and is none, as in Blender.
+const MISSING: Vec4 = Vec4::new(1.0, 0.0, 1.0, 1.0);
+
+/// Number of the first tile, and how many lie side by side: Blender's UDIM.
+const FIRST_TILE: u32 = 1001;
+const TILES_ACROSS: u32 = 10;
+/// Rows of tiles that numbers of four digits can name.
+const TILE_ROWS: f32 = 900.0;
+
 /// An image in memory.
 #[derive(Debug)]
 pub struct Image {
@@ -80,6 +89,8 @@ pub struct Image {
     texels: Texels,
     lookup: Lookup,
     replaced_texels: usize,
+    /// UDIM tiles by their numbers: with them the image has no texels of its own.
+    tiles: Vec<(u32, Arc<Image>)>,
 }
 
 impl Image {
@@ -116,7 +127,20 @@ impl Image {
             texels,
             lookup,
             replaced_texels,
+            tiles: Vec::new(),
         })
+    }
+
+    /// An image of UDIM tiles, each with its number; magenta where there is none.
+    pub fn tiled(tiles: Vec<(u32, Arc<Image>)>) -> Self {
+        Self {
+            width: 1,
+            height: 1,
+            texels: Texels::Floats(vec![MISSING.to_array()]),
+            lookup: Lookup::default(),
+            replaced_texels: tiles.iter().map(|(_, tile)| tile.replaced_texels).sum(),
+            tiles,
+        }
     }
 
     /// Texels across and up.
@@ -131,10 +155,12 @@ impl Image {
 
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
-        match &self.texels {
+        let own = match &self.texels {
             Texels::Floats(texels) => size_of_val(&texels[..]),
             Texels::Bytes(texels) => size_of_val(&texels[..]),
-        }
+        };
+        let tiles = self.tiles.iter().map(|(_, tile)| tile.memory_bytes());
+        own + tiles.sum::<usize>()
     }
 
     /// Scene-linear colour and alpha of one texel; `x` counts from the left, `y` from the bottom,
@@ -146,6 +172,9 @@ impl Image {
     /// Scene-linear colour and alpha at a texture coordinate, filtered and extended as the image
     /// says.
     pub fn sample(&self, uv: Vec2) -> Vec4 {
+        if !self.tiles.is_empty() {
+            return self.sample_tile(uv);
+        }
         let size = Vec2::new(self.width as f32, self.height as f32);
         let filtered = match self.lookup.interpolation {
             Interpolation::Closest => {
@@ -157,6 +186,19 @@ impl Image {
             Interpolation::Cubic => self.bicubic(uv * size - 0.5),
         };
         self.decoded(filtered)
+    }
+
+    /// A tile at its part of the plane. As in Cycles the row and column before the first belong to
+    /// the first.
+    fn sample_tile(&self, uv: Vec2) -> Vec4 {
+        let corner = uv.trunc();
+        let columns = 0.0..TILES_ACROSS as f32;
+        if !columns.contains(&corner.x) || !(0.0..TILE_ROWS).contains(&corner.y) {
+            return MISSING;
+        }
+        let number = FIRST_TILE + TILES_ACROSS * corner.y as u32 + corner.x as u32;
+        let tile = self.tiles.iter().find(|(known, _)| *known == number);
+        tile.map_or(MISSING, |(_, tile)| tile.sample(uv - corner))
     }
 
     fn bilinear(&self, at: Vec2) -> Vec4 {
@@ -355,6 +397,22 @@ mod tests {
             let encoded = i as f32 * 0.000_21;
             let off = linear_from_srgb(encoded) - srgb_curve(encoded);
             assert!(off.abs() < 1e-5, "{encoded}: {off}");
+        }
+    }
+
+    #[test]
+    fn tiles_lie_where_their_numbers_say() {
+        let grey = |value| Arc::new(row_of(&[[value; 4]], Lookup::default()));
+        let tiled = Image::tiled(vec![
+            (1001, grey(0.1)),
+            (1002, grey(0.2)),
+            (1011, grey(0.3)),
+        ]);
+        let seen = |u, v| tiled.sample(Vec2::new(u, v));
+        let places = [(0.5, 0.5), (1.5, 0.5), (0.5, 1.5), (-0.5, 0.5)];
+        assert_eq!(places.map(|(u, v)| seen(u, v).x), [0.1, 0.2, 0.3, 0.1]);
+        for (u, v) in [(1.5, 1.5), (-1.5, 0.5), (10.5, 0.5), (0.5, f32::NAN)] {
+            assert_eq!(seen(u, v), MISSING, "{u} {v}");
         }
     }
 

@@ -13,9 +13,9 @@ use crate::accel::{Accel, Hit};
 use crate::contract::Settings;
 use crate::math::Ray;
 use crate::sampling::{
-    Bsdf, LightSample, LightSampler, LobePdfs, LobeValues, Part, Sampler, Strategy,
+    Bsdf, LightHit, LightSample, LightSampler, LobePdfs, LobeValues, Part, Sampler, Strategy,
 };
-use crate::scene::SceneFrame;
+use crate::scene::{Links, Membership, SceneFrame};
 use crate::shader::{RayInfo, RayKind};
 use crate::surface::{self, Passage, Surface};
 
@@ -123,6 +123,8 @@ pub struct Continuation {
     pub pdf_solid_angle: f32,
     /// Point that it leaves, not moved off the surface.
     pub position: Vec3A,
+    /// The sets of things that the surface there is in.
+    pub membership: Membership,
     /// Shading normal there, on the side that the ray leaves to.
     pub normal: Vec3A,
     /// How lights were sampled there.
@@ -296,28 +298,32 @@ impl<'a> Tracer<'a> {
         if self.see_through.is_empty() {
             lit(!self.accel.occluded(self.frame, ray))
         } else {
-            self.passed_share(ray, &bounces.ray_info())
+            self.passed_share(ray, &bounces.ray_info(), Links::default())
         }
     }
 
     /// Share of the light that a ray lets through which looks for a light after the events
     /// `bounces`.
-    fn lit_share(&self, ray: &Ray, bounces: &Bounces) -> Vec3A {
+    fn lit_share(&self, ray: &Ray, bounces: &Bounces, links: Links) -> Vec3A {
         count_ray();
-        if self.see_through.is_empty() {
+        if self.see_through.is_empty() && links.blockers == 0 {
             return lit(!self.accel.occluded(self.frame, ray));
         }
         let info = RayInfo {
             kind: RayKind::Shadow,
             ..bounces.ray_info()
         };
-        self.passed_share(ray, &info)
+        self.passed_share(ray, &info, links)
     }
 
-    fn passed_share(&self, ray: &Ray, info: &RayInfo) -> Vec3A {
+    fn passed_share(&self, ray: &Ray, info: &RayInfo, links: Links) -> Vec3A {
         let (mut share, mut count) = (Vec3A::ONE, 0);
         let accept = |hit: &Hit| {
-            if !self.see_through[hit.instance as usize] {
+            let instance = hit.instance as usize;
+            if !self.frame.instances[instance].membership.stops(links) {
+                return false;
+            }
+            if self.see_through.get(instance) != Some(&true) {
                 return true;
             }
             if !self.is_seen(hit, info) {
@@ -422,6 +428,7 @@ impl<'a> Tracer<'a> {
             ray: surface.ray_towards(sample.direction),
             pdf_solid_angle,
             position: surface.position,
+            membership: surface.membership,
             normal: surface.normal_towards(sample.direction),
             strategy: strategy_at(from.total),
             bounces: from.after(sample.part),
@@ -530,7 +537,8 @@ impl<'a> Tracer<'a> {
         let (kind, vertex) = (from.bounces.kind(), from.bounces.lit_vertex());
         let lamps = self
             .lights
-            .lamps_along(&ray, from.normal, from.strategy, kind, vertex);
+            .lamps_along(&ray, from.normal, from.strategy, kind, vertex)
+            .filter(|lamp| is_linked(lamp, from.membership));
         lamps
             .map(|lamp| {
                 let weight = balance(from.pdf_solid_angle, lamp.pdf_solid_angle);
@@ -587,7 +595,10 @@ impl<'a> Tracer<'a> {
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
         let (values, own) = surface.bsdf.eval(light.direction);
-        let values = found_by(light, values, from.total);
+        let values = match surface.membership.is_lit_by(light.reach.links) {
+            true => found_by(light, values, from.total),
+            false => return LobeValues::default(),
+        };
         if values.sum() == Vec3A::ZERO {
             return LobeValues::default();
         }
@@ -612,7 +623,7 @@ impl<'a> Tracer<'a> {
         }
         let mut ray = surface.ray_towards(light.direction);
         ray.t_max = light.distance * SHADOW_END;
-        self.lit_share(&ray, from)
+        self.lit_share(&ray, from, light.reach.links)
     }
 }
 
@@ -641,12 +652,18 @@ fn found_by(light: &LightSample, values: LobeValues, vertex: u32) -> LobeValues 
 /// Weight of a light sample over its density, given the density with which surface sampling finds
 /// it.
 fn weight(light: &LightSample, own_pdf: f32) -> f32 {
-    let weight = if light.is_delta {
+    let weight = if light.is_delta || light.reach.links.blockers != 0 {
         1.0
     } else {
         balance(light.pdf_solid_angle, own_pdf)
     };
     weight / light.pdf_solid_angle
+}
+
+/// Whether a lamp that a ray from a thing of these sets runs into lights it. What other things than
+/// the ray's would stop its light is left to light samples, as in Cycles.
+fn is_linked(lamp: &LightHit, membership: Membership) -> bool {
+    membership.is_lit_by(lamp.links) && lamp.links.blockers == 0
 }
 
 /// How lights are sampled at a vertex of the path. The first one makes most of the noise.

@@ -7,7 +7,7 @@ use glam::{Quat, Vec2, Vec3A};
 use crate::accel::Hit;
 use crate::math::{Ray, offset_origin};
 use crate::sampling::{Bsdf, Principled};
-use crate::scene::{Facet, Material, SceneFrame};
+use crate::scene::{Facet, Material, Membership, SceneFrame};
 use crate::shader::{self, Closure, Glossy, Point, RayInfo};
 
 /// A point on a surface, seen along a ray.
@@ -24,6 +24,8 @@ pub struct Surface {
     pub bsdf: Bsdf,
     /// Radiance that it emits towards the viewer.
     pub emission: Vec3A,
+    /// The sets of things that it is in.
+    pub membership: Membership,
     /// Share of it that is a hole in the picture.
     pub holdout: f32,
     /// Distance along the ray.
@@ -103,6 +105,7 @@ pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
         bsdf: Bsdf::new(point.geometric_normal, point.incoming, !point.is_back)
             .with_smooth_normal(point.normal),
         emission: Vec3A::ZERO,
+        membership: frame.instances[hit.instance as usize].membership,
         holdout: 0.0,
         distance: hit.t,
         time: ray.time,

@@ -10,8 +10,8 @@ use crate::film::Region;
 use crate::progress::Progress;
 use crate::render::{Job, Rendered, render};
 use crate::scene::{
-    Camera, Image, Instance, Lens, Light, Lookup, Material, Mesh, Placement, Projection, Reach,
-    SceneFrame, Shutter, Visibility, World,
+    Camera, Image, Instance, Lens, Light, Lookup, Material, Membership, Mesh, Placement,
+    Projection, Reach, SceneFrame, Shutter, Visibility, World,
 };
 use crate::shader::ObjectInfo;
 
@@ -57,6 +57,7 @@ impl Scene {
             materials: vec![self.materials.len() as u32],
             visibility: Visibility::ALL,
             is_holdout: false,
+            membership: Membership::ALL,
         });
         self.meshes.push(Arc::new(mesh));
         self.materials.push(material);

@@ -72,6 +72,7 @@ class ExportCache:
     # Programs of materials that are what they were, by the material's `session_uid`.
     programs: dict[int, Program] = field(default_factory=dict)
     _last_use: dict[bytes, int] = field(default_factory=dict)
+    _last_image_use: dict[tuple, int] = field(default_factory=dict)
     _by_form: dict[bytes, list[CachedMesh]] = field(default_factory=dict)
     _changes: Changes = field(default_factory=Changes)
     # By address of the evaluated mesh: those of the last export that still hold, and this one's.
@@ -139,6 +140,10 @@ class ExportCache:
         self._last_use[digest] = self.statistics.frames
         return cached
 
+    def keep_image(self, key: tuple) -> None:
+        """Note that this frame shows an image."""
+        self._last_image_use[key] = self.statistics.frames
+
     def _drop(self, digest: bytes) -> None:
         del self._last_use[digest]
         mesh = self.meshes.pop(digest, None)
@@ -149,9 +154,11 @@ class ExportCache:
                 del self._by_form[mesh.form]
 
     def end_frame(self, seconds: float) -> None:
-        """Count a finished export and let go of meshes that have not been used for a while."""
+        """Count a finished export and let go of what has not been used for a while."""
         self.statistics.frames += 1
         self.statistics.seconds += seconds
         oldest = self.statistics.frames - KEPT_EXPORTS
         for digest in [d for d, used in self._last_use.items() if used < oldest]:
             self._drop(digest)
+        for key in [k for k, used in self._last_image_use.items() if used < oldest]:
+            del self._last_image_use[key], self.images[key]

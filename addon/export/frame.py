@@ -61,7 +61,7 @@ def export_frame(
         time += shutter.middle
         set_time(move, time)
     arrays = export_camera(depsgraph, resolution, warnings)
-    images = ImageTable(cache, core, warnings)
+    images = ImageTable(cache, core, warnings, frame)
     materials = MaterialTable(depsgraph, cache, core, images, warnings)
     lights = LightTable(warnings)
     instances = InstanceTable(

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +18,8 @@ from .cache import CachedImage, ExportCache
 from .report import Warnings
 
 MAGENTA = (1.0, 0.0, 1.0, 1.0)
+# Number of the first UDIM tile.
+FIRST_TILE = 1001
 
 # Linear spaces that Blender can convert: the method of mathutils.Color that does it.
 LINEAR_SPACES = {
@@ -29,12 +34,40 @@ DATA_SPACES = ("Non-Color", "Raw", "Generic Data")
 
 
 @dataclass(frozen=True)
+class Timing:
+    """When a sequence shows which frame: Blender's settings of the same names."""
+
+    duration: int
+    start: int
+    offset: int
+    is_cyclic: bool
+
+    @staticmethod
+    def of(image: bpy.types.Image, user: bpy.types.ImageUser) -> Timing | None:
+        """Read a texture's settings; None for what is no sequence."""
+        if image.source != "SEQUENCE":
+            return None
+        return Timing(user.frame_duration, user.frame_start, user.frame_offset, user.use_cyclic)
+
+    def number(self, frame: int) -> int:
+        """Number in the name of the file that is shown at a frame of the scene."""
+        if self.duration == 0:
+            return 0
+        shown = frame - self.start + 1
+        if self.is_cyclic:
+            shown = (shown - 1) % self.duration + 1
+        return min(max(shown, 0), self.duration) + self.offset
+
+
+@dataclass(frozen=True)
 class ImageUse:
     """How a texture node uses an image."""
 
     image: bpy.types.Image
     extension: str = "REPEAT"
     interpolation: str = "Linear"
+    # Of a sequence: which of its frames is shown when.
+    timing: Timing | None = None
     # Colours are multiplied by alpha unless the alpha of the node is used as well.
     multiply_alpha: bool = False
 
@@ -53,7 +86,8 @@ class Texels:
 class ImageTable:
     """The images of one frame, each once, in the order of their first use."""
 
-    def __init__(self, cache: ExportCache, core: Any, warnings: Warnings) -> None:
+    def __init__(self, cache: ExportCache, core: Any, warnings: Warnings, frame: int) -> None:
+        self._frame = frame
         self._cache = cache
         self._core = core
         self._warnings = warnings
@@ -62,10 +96,11 @@ class ImageTable:
 
     def index(self, use: ImageUse) -> int:
         """Row of the image in the frame's list."""
-        key = _key(use)
+        key = _key(use, self._frame)
         if key not in self._rows:
             self._rows[key] = len(self.used)
             self.used.append(self._load(use, key))
+            self._cache.keep_image(key)
         return self._rows[key]
 
     def index_of_pixels(self, pixels: np.ndarray) -> int:
@@ -84,24 +119,90 @@ class ImageTable:
     def _load(self, use: ImageUse, key: tuple) -> CachedImage:
         _warn(use.image, self._warnings)
         if key not in self._cache.images:
-            texels = read_texels(use, self._warnings)
-            how = (use.extension, use.interpolation, texels.encoding, texels.divides_alpha)
-            handle = self._core.Image(texels.pixels, *how)
-            digest = hashlib.blake2b(repr(how).encode(), digest_size=16)
-            digest.update(texels.pixels)
-            self._cache.images[key] = CachedImage(handle, digest.digest())
+            self._cache.images[key] = self._made(use)
             self._cache.statistics.images_built += 1
         image = self._cache.images[key]
         if count := image.handle.replaced_texels:
             self._warnings.add(use.image.name, f"{count} texels are not numbers and are black")
         return image
 
+    def _made(self, use: ImageUse) -> CachedImage:
+        files = _files(use, self._frame)
+        if not files:
+            return self._made_of(use, use.image)
+        parts = []
+        for number, path in files.items():
+            with _loaded(path, use.image) as image:
+                if image is None:
+                    self._warnings.add(use.image.name, f"image cannot be read ({path})")
+                else:
+                    parts.append((number, self._made_of(use, image)))
+        if use.image.source != "TILED":
+            return parts[0][1] if parts else self._made_of(use, None)
+        handle = self._core.Image.tiled([(number, part.handle) for number, part in parts])
+        digest = hashlib.blake2b(repr([*files]).encode(), digest_size=16)
+        for _, part in parts:
+            digest.update(part.digest)
+        return CachedImage(handle, digest.digest())
 
-def read_texels(use: ImageUse, warnings: Warnings) -> Texels:
-    """What Cycles holds of an image; one magenta pixel if there are none."""
+    def _made_of(self, use: ImageUse, image: bpy.types.Image | None) -> CachedImage:
+        texels = read_texels(use, image, self._warnings)
+        how = (use.extension, use.interpolation, texels.encoding, texels.divides_alpha)
+        digest = hashlib.blake2b(repr(how).encode(), digest_size=16)
+        digest.update(texels.pixels)
+        return CachedImage(self._core.Image(texels.pixels, *how), digest.digest())
+
+
+def _files(use: ImageUse, frame: int) -> dict[int, str]:
+    """The files of tiles by their numbers, or that of the frame of a sequence; else none."""
     image = use.image
-    width, height = image.size  # makes Blender load the file
-    if width * height == 0:
+    if use.timing is not None:
+        return {0: _absolute(image, numbered(image.filepath, use.timing.number(frame)))}
+    if image.source != "TILED":
+        return {}
+    return {tile.number: _tile_path(image, tile.number) for tile in image.tiles}
+
+
+def numbered(path: str, number: int) -> str:
+    """The path of another frame of a sequence: the last digits of the file's name count."""
+    name = re.search(r"[^/\\]*$", path)
+    digits = list(re.finditer(r"\d+", name.group().rpartition(".")[0])) if name else []
+    if not name or not digits:
+        return path
+    start, end = (name.start() + place for place in digits[-1].span())
+    return f"{path[:start]}{number:0{end - start}}{path[end:]}"
+
+
+def _tile_path(image: bpy.types.Image, number: int) -> str:
+    column, row = (number - FIRST_TILE) % 10 + 1, (number - FIRST_TILE) // 10 + 1
+    path = image.filepath.replace("<UDIM>", str(number))
+    return _absolute(image, path.replace("<UVTILE>", f"u{column}_v{row}"))
+
+
+def _absolute(image: bpy.types.Image, path: str) -> str:
+    return bpy.path.abspath(path, library=image.library)
+
+
+@contextmanager
+def _loaded(path: str, like: bpy.types.Image) -> Iterator[bpy.types.Image | None]:
+    """A file as an image of its own, to be read as another one says; None where it cannot be."""
+    try:
+        image = bpy.data.images.load(path)
+    except RuntimeError:
+        yield None
+        return
+    try:
+        image.colorspace_settings.name = like.colorspace_settings.name
+        image.alpha_mode = like.alpha_mode
+        yield image
+    finally:
+        bpy.data.images.remove(image)
+
+
+def read_texels(use: ImageUse, image: bpy.types.Image | None, warnings: Warnings) -> Texels:
+    """What Cycles holds of an image; one magenta pixel if there are none."""
+    width, height = image.size if image else (0, 0)  # makes Blender load the file
+    if image is None or width * height == 0:
         return Texels(np.full((1, 1, 4), MAGENTA, np.float32))
     pixels = np.empty((height, width, 4), np.float32)
     _read_rgba(image, pixels)
@@ -187,15 +288,10 @@ def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:
     return np.where(encoded <= 0.04045, low, high).astype(np.float32)
 
 
-def _key(use: ImageUse) -> tuple:
+def _key(use: ImageUse, frame: int) -> tuple:
     """Changes whenever the pixels would: the image, its file's stamp, and how it is read."""
     image = use.image
-    path = bpy.path.abspath(image.filepath, library=image.library)
-    try:
-        stat = os.stat(path)
-        stamp = (stat.st_mtime_ns, stat.st_size)
-    except OSError:
-        stamp = None
+    paths = tuple(_files(use, frame).values()) or (_absolute(image, image.filepath),)
     generated = ()
     if image.source == "GENERATED":
         generated = (image.generated_type, image.generated_color[:], image.size[:])
@@ -204,8 +300,8 @@ def _key(use: ImageUse) -> tuple:
         use.extension,
         use.interpolation,
         use.multiply_alpha,
-        path,
-        stamp,
+        paths,
+        tuple(_stamp(path) for path in paths),
         generated,
         image.colorspace_settings.name,
         image.alpha_mode,
@@ -214,11 +310,18 @@ def _key(use: ImageUse) -> tuple:
     )
 
 
+def _stamp(path: str) -> tuple[int, int] | None:
+    """Changes when the file does."""
+    try:
+        stat = os.stat(path)
+    except OSError:
+        return None
+    return (stat.st_mtime_ns, stat.st_size)
+
+
 def _warn(image: bpy.types.Image, warnings: Warnings) -> None:
-    if image.size[0] * image.size[1] == 0:
+    if image.source == "MOVIE":
+        warnings.add(image.name, "movies stay at one frame")
+    if image.source not in ("TILED", "SEQUENCE") and image.size[0] * image.size[1] == 0:
         where = image.filepath or "no file"
         warnings.add(image.name, f"image cannot be read ({where}), magenta is shown instead")
-    if image.source in ("SEQUENCE", "MOVIE"):
-        warnings.add(image.name, "image sequences and movies stay at one frame")
-    if image.source == "TILED":
-        warnings.add(image.name, "only the first UDIM tile is rendered")

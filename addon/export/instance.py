@@ -15,6 +15,7 @@ import numpy as np
 
 from .cache import CachedMesh, ExportCache
 from .light import LightTable
+from .linking import LinkSets, name_of
 from .material import MaterialTable
 from .mesh import NotFinite, load_mesh, load_surface, mesh_positions
 from .points import placements, read_points, unit_ball
@@ -75,10 +76,12 @@ class Placed:
 
 @dataclass(frozen=True)
 class Seen:
-    """Which rays meet an instance, and whether it is a hole in the picture."""
+    """Which rays meet an instance, whether it is a hole in the picture, and whose links hold."""
 
     visibility: int
     is_holdout: bool
+    # Of the object and of what instances it, as light linking knows them.
+    names: tuple[int, ...]
 
 
 @dataclass
@@ -191,8 +194,15 @@ class InstanceTable:
             "instance_slots": slots[keep],
             "instance_visibility": np.array([s.visibility for s in self._seen], np.uint32)[keep],
             "instance_holdout": np.array([s.is_holdout for s in self._seen], np.uint32)[keep],
+            "instance_receiver_sets": self._linked(self.lights.receivers)[keep],
+            "instance_blocker_sets": self._linked(self.lights.blockers)[keep],
             "slot_materials": np.array(self._slot_materials, np.uint32),
         }
+
+    def _linked(self, sets: LinkSets) -> np.ndarray:
+        """The sets that hold each instance; all lamps are known by now."""
+        bits = {seen.names: sets.bits(seen.names) for seen in self._seen_by.values()}
+        return np.fromiter((bits[seen.names] for seen in self._seen), np.uint64, len(self._seen))
 
     def _place(self, shape: Shape, item: bpy.types.DepsgraphObjectInstance, owner: Any) -> Placed:
         key = self._key(item, owner)
@@ -239,7 +249,12 @@ class InstanceTable:
             if parent.indirect_only_get(view_layer=layer):
                 visibility &= ~CAMERA
             is_holdout = owner.is_holdout or parent.holdout_get(view_layer=layer)
-            self._seen_by[key] = Seen(visibility, is_holdout)
+            linking = owner.light_linking
+            if linking.receiver_collection or linking.blocker_collection:
+                # Things without light of their own may have links, too: they mean nothing.
+                self.warnings.not_rendered(owner.name, "Light linking of a glowing object")
+            names = (name_of(owner), name_of(parent))
+            self._seen_by[key] = Seen(visibility, is_holdout, names)
         return self._seen_by[key]
 
     def _key(self, item: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> int:

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from .linking import EVERYTHING, LinkSets
 from .nodes import Color, Constant, Source, surface
 from .report import Warnings
 from .transform import axis_scale, matrix_3x4, without_scale
@@ -40,6 +41,7 @@ class Light:
     soft_falloff: bool
     visibility: int
     max_bounces: int
+    links: tuple[int, int]
 
 
 @dataclass
@@ -48,6 +50,8 @@ class LightTable:
 
     warnings: Warnings
     lights: list[Light] = field(default_factory=list)
+    receivers: LinkSets = field(default_factory=LinkSets)
+    blockers: LinkSets = field(default_factory=LinkSets)
 
     def add(self, owner: bpy.types.Object, world_from_object: Matrix, key: int) -> None:
         """Append an evaluated light object, or warn why it is left out."""
@@ -75,8 +79,18 @@ class LightTable:
             kind in (Kind.POINT, Kind.SPOT) and data.use_soft_falloff,
             light_visibility(owner, data),
             data.cycles.max_bounces,
+            self._links(owner),
         )
         self.lights.append(light)
+
+    def _links(self, owner: bpy.types.Object) -> tuple[int, int]:
+        """Numbers of the sets that the lamp lights and that stop its light."""
+        linking = owner.light_linking
+        receivers = self.receivers.number(linking.receiver_collection)
+        blockers = self.blockers.number(linking.blocker_collection)
+        if receivers is None or blockers is None:
+            self.warnings.add(owner.name, "more than 63 light linking sets, it lights everything")
+        return (receivers or EVERYTHING, blockers or EVERYTHING)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The `light_*` arrays and `world_from_light` of the contract."""
@@ -96,6 +110,7 @@ class LightTable:
             "light_soft_falloff": column("soft_falloff", np.uint32),
             "light_visibility": column("visibility", np.uint32),
             "light_max_bounces": column("max_bounces", np.uint32),
+            "light_links": column("links", np.uint32, 2),
         }
 
 
@@ -181,8 +196,5 @@ def is_round(scale: Vector) -> bool:
 def _check(
     owner: bpy.types.Object, data: bpy.types.Light, world_from_object: Matrix, warnings: Warnings
 ) -> None:
-    linking = owner.light_linking
-    if linking.receiver_collection or linking.blocker_collection:
-        warnings.not_rendered(owner.name, "Light linking")
     if data.type == "SPOT" and not is_round(axis_scale(world_from_object)):
         warnings.not_rendered(owner.name, "The scale of a spot lamp's cone")

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix
 
-from .image import ImageTable, ImageUse
+from .image import ImageTable, ImageUse, Timing
 from .material import uses_nodes
 from .nodes import Color, Constant, Source, surface
 from .report import Warnings
@@ -110,7 +110,9 @@ def _environment(texture: Source, strength: float, images: ImageTable) -> World:
     linear = _environment_from_world(texture)
     if node.image is None:
         return World()
-    image = images.index(ImageUse(node.image, "REPEAT", node.interpolation, multiply_alpha=True))
+    timing = Timing.of(node.image, node.image_user)
+    use = ImageUse(node.image, "REPEAT", node.interpolation, timing, multiply_alpha=True)
+    image = images.index(use)
     return World((strength,) * 3, image, environment_from_world=linear)
 
 

@@ -140,6 +140,9 @@ class Image:
         encoding: Literal["LINEAR", "BYTE", "SRGB"] = "LINEAR",
         divides_alpha: bool = False,
     ) -> Image: ...
+    @staticmethod
+    def tiled(tiles: Sequence[tuple[int, Image]]) -> Image:
+        """Return an image of UDIM tiles, by their numbers."""
     @property
     def replaced_texels(self) -> int: ...
 

@@ -92,6 +92,13 @@ impl Image {
         Ok(Self(Arc::new(image)))
     }
 
+    /// An image of UDIM tiles: (number, image) pairs.
+    #[staticmethod]
+    fn tiled(tiles: Vec<(u32, PyRef<'_, Image>)>) -> Self {
+        let tiles = tiles.iter().map(|(number, tile)| (*number, tile.0.clone()));
+        Self(Arc::new(scene::Image::tiled(tiles.collect())))
+    }
+
     /// Texels that were not finite.
     #[getter]
     fn replaced_texels(&self) -> usize {

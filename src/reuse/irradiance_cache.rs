@@ -150,6 +150,7 @@ fn gather(
         ray: surface.ray_towards(direction),
         pdf_solid_angle,
         position: surface.position,
+        membership: surface.membership,
         normal: surface.normal_towards(direction),
         strategy: Strategy::SkyApart,
         bounces: Bounces::default().after(part),

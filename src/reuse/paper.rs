@@ -234,6 +234,7 @@ fn gather(view: &View, surface: &Surface, sampler: &Sampler) -> Gather {
         ray: surface.ray_towards(direction),
         pdf_solid_angle,
         position: surface.position,
+        membership: surface.membership,
         normal: surface.normal,
         strategy: Strategy::WithoutSky,
         bounces: Bounces::default().after(sample.part),

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
 use super::{
-    Camera, CameraMotion, Image, Lens, Light, LightKind, Material, Mesh, Panorama, Placement,
-    Projection, Reach, Trajectory, Visibility, World,
+    Camera, CameraMotion, Image, Lens, Light, LightKind, Links, Material, Membership, Mesh,
+    Panorama, Placement, Projection, Reach, Trajectory, Visibility, World,
 };
 use crate::contract::{Arrays, FRAME, Given};
 use crate::error::{Error, Result};
@@ -33,6 +33,8 @@ pub struct Instance {
     pub visibility: Visibility,
     /// Whether camera rays meet a hole in the picture in its place.
     pub is_holdout: bool,
+    /// The sets of things that lights are linked to.
+    pub membership: Membership,
 }
 
 impl Instance {
@@ -261,6 +263,10 @@ fn instances(arrays: &Arrays, meshes: usize, materials: usize) -> Result<Vec<Ins
                 materials: slot_materials[slots].to_vec(),
                 visibility: Visibility::from_bits(arrays.u32s("instance_visibility")[row]),
                 is_holdout: arrays.u32s("instance_holdout")[row] != 0,
+                membership: Membership {
+                    receivers: arrays.u64s("instance_receiver_sets")[row],
+                    blockers: arrays.u64s("instance_blocker_sets")[row],
+                },
             })
         })
         .collect()
@@ -379,7 +385,20 @@ fn light(arrays: &Arrays, row: usize, kind: u32) -> Result<Light> {
         reach: Reach {
             visibility: Visibility::from_bits(arrays.u32s("light_visibility")[row]),
             max_bounces: arrays.u32s("light_max_bounces")[row],
+            links: links(arrays, row)?,
         },
+    })
+}
+
+fn links(arrays: &Arrays, row: usize) -> Result<Links> {
+    let set = |number: u32| {
+        let field = "light_links";
+        index(field, row, i64::from(number), 64, "sets").map(|number| number as u8)
+    };
+    let [receivers, blockers] = arrays.u32s("light_links").as_chunks::<2>().0[row];
+    Ok(Links {
+        receivers: set(receivers)?,
+        blockers: set(blockers)?,
     })
 }
 
@@ -465,6 +484,7 @@ fn world(arrays: &Arrays, images: &[Arc<Image>]) -> Result<World> {
         reach: Reach {
             visibility: Visibility::from_bits(arrays.u32s("world_visibility")[0]),
             max_bounces: arrays.u32s("world_max_bounces")[0],
+            ..Reach::ALL
         },
     })
 }

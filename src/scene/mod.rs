@@ -20,6 +20,6 @@ pub use light::{Light, LightKind};
 pub use material::Material;
 pub use mesh::Mesh;
 pub use motion::{Placement, Trajectory};
-pub use visibility::{Reach, Visibility};
+pub use visibility::{Links, Membership, Reach, Visibility};
 pub use window::{FrameWindow, Motion};
 pub use world::World;

@@ -34,6 +34,43 @@ impl Visibility {
     }
 }
 
+/// The things that a light lights and those that stop its light, as numbers of sets; 0 is the set of
+/// all things. Blender's light linking and shadow linking.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Links {
+    /// What is lit.
+    pub receivers: u8,
+    /// What stops the light.
+    pub blockers: u8,
+}
+
+/// The sets that a thing is in: a bit for each.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Membership {
+    /// Sets of things that are lit.
+    pub receivers: u64,
+    /// Sets of things that stop light.
+    pub blockers: u64,
+}
+
+impl Membership {
+    /// In every set.
+    pub const ALL: Self = Self {
+        receivers: u64::MAX,
+        blockers: u64::MAX,
+    };
+
+    /// Whether a light of these links lights the thing.
+    pub const fn is_lit_by(self, links: Links) -> bool {
+        self.receivers >> links.receivers & 1 != 0
+    }
+
+    /// Whether the thing stops light of these links.
+    pub const fn stops(self, links: Links) -> bool {
+        self.blockers >> links.blockers & 1 != 0
+    }
+}
+
 /// How far the light of a lamp, of a glowing surface or of the surroundings reaches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Reach {
@@ -41,6 +78,8 @@ pub struct Reach {
     pub visibility: Visibility,
     /// Number of the last vertex of a path that it lights, counted from 0 at the camera's surface.
     pub max_bounces: u32,
+    /// The things that it lights and that stop it.
+    pub links: Links,
 }
 
 impl Reach {
@@ -48,6 +87,10 @@ impl Reach {
     pub const ALL: Self = Self {
         visibility: Visibility::ALL,
         max_bounces: u32::MAX,
+        links: Links {
+            receivers: 0,
+            blockers: 0,
+        },
     };
 
     /// Whether a vertex of a path is lit by what a ray of this kind finds.
@@ -80,6 +123,22 @@ mod tests {
         assert!(!Visibility::from_bits(0).with(Camera).is_split());
         assert!(Visibility::from_bits(0).with(Shadow).is_split());
         assert!(Visibility::from_bits(0).with(Glossy).is_split());
+    }
+
+    #[test]
+    fn things_are_lit_by_the_sets_that_they_are_in() {
+        let thing = Membership {
+            receivers: 0b101,
+            blockers: 0b011,
+        };
+        let links = |receivers, blockers| Links {
+            receivers,
+            blockers,
+        };
+        assert!(thing.is_lit_by(links(0, 1)) && thing.is_lit_by(links(2, 1)));
+        assert!(!thing.is_lit_by(links(1, 1)));
+        assert!(thing.stops(links(1, 1)) && !thing.stops(links(1, 2)));
+        assert!(Membership::ALL.is_lit_by(links(63, 63)));
     }
 
     #[test]

@@ -70,6 +70,12 @@ class RecordedImage:
     encoding: str = "LINEAR"
     divides_alpha: bool = False
     replaced_texels: int = 0
+    tiles: tuple[tuple[int, RecordedImage], ...] = ()
+
+    @staticmethod
+    def tiled(tiles: Sequence[tuple[int, RecordedImage]]) -> RecordedImage:
+        """Stand in for `dualcone.Image.tiled`."""
+        return RecordedImage(np.zeros((1, 1, 4), np.float32), "", "", tiles=tuple(tiles))
 
     def seen(self) -> np.ndarray:
         """What a look at the middle of each texel returns."""

@@ -201,3 +201,61 @@ def test_images_of_one_and_three_channels(tmp_path: Path) -> None:
         pixels[mode] = export_now().images[-1].pixels
     assert (pixels["BW"][..., :3] == pixels["BW"][..., :1]).all()
     assert (pixels["RGB"][..., 3] == 1.0).all()
+
+
+def save_plain(path: Path, red: float) -> str:
+    """Write an image of one colour."""
+    image: Any = bpy.data.images.new("Write", 2, 2)
+    image.pixels.foreach_set(np.tile(np.array([red, 0.0, 0.0, 1.0], np.float32), 4))
+    image.file_format, image.filepath_raw = "PNG", str(path)
+    image.save()
+    bpy.data.images.remove(image)
+    return str(path)
+
+
+def test_tiles_are_read_by_their_numbers(tmp_path: Path) -> None:
+    for number, red in ((1001, 0.2), (1002, 0.4), (1011, 0.6)):
+        first = save_plain(tmp_path / f"wood.{number}.png", red)
+    image = load(first.replace("1011", "1001"))
+    image.filepath, image.source = str(tmp_path / "wood.<UDIM>.png"), "TILED"
+    for number in (1002, 1011, 1012):
+        if image.tiles.get(number) is None:
+            image.tiles.new(number)
+    emitting_plane(image, with_alpha=False)
+    before = len(bpy.data.images)
+    frame = export_now()
+    (made,) = frame.images
+    reds = {number: round(float(tile.pixels[0, 0, 0]), 2) for number, tile in made.tiles}
+    assert reds == {1001: 0.2, 1002: 0.4, 1011: 0.6}
+    missing = str(tmp_path / "wood.1012.png")
+    assert frame.warnings == [f"'{image.name}': image cannot be read ({missing})"]
+    assert len(bpy.data.images) == before
+
+
+def test_sequences_count_as_blender_does() -> None:
+    once = export.image.Timing(duration=3, start=10, offset=4, is_cyclic=False)
+    assert [once.number(frame) for frame in (1, 10, 12, 20)] == [4, 5, 7, 7]
+    again = export.image.Timing(duration=3, start=1, offset=0, is_cyclic=True)
+    assert [again.number(frame) for frame in (0, 1, 3, 4)] == [3, 1, 3, 1]
+    numbered = export.image.numbered
+    assert numbered("//shots2/a1_009.exr", 10) == "//shots2/a1_010.exr"
+    assert numbered("C:\\shots\\sky7.png", 12) == "C:\\shots\\sky12.png"
+    assert numbered("//no/digits.png", 3) == "//no/digits.png"
+
+
+def test_a_sequence_shows_the_frame_of_its_user(tmp_path: Path) -> None:
+    for frame in (1, 2, 3):
+        save_plain(tmp_path / f"shot{frame:03}.png", 0.2 * frame)
+    image = load(str(tmp_path / "shot001.png"))
+    image.source = "SEQUENCE"
+    emitting_plane(image, with_alpha=False)
+    tree = bpy.data.materials["Screen"].node_tree
+    texture: Any = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage")
+    texture.image_user.frame_start, texture.image_user.frame_duration = 1, 3
+    cache = export.ExportCache()
+    for frame in (1, 2, 3):
+        scene().frame_set(frame)
+        exported = export_now(cache)
+        (made,) = exported.images
+        assert exported.warnings == []
+        assert round(float(made.pixels[0, 0, 0]), 2) == round(0.2 * frame, 2)

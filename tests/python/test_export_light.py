@@ -189,12 +189,10 @@ def test_a_lamps_nodes_scale_its_power(tmp_path: Path) -> None:
 def test_what_a_lamp_does_beyond_is_named() -> None:
     add_camera()
     lamp = add_light("AREA")
-    lamp.light_linking.receiver_collection = bpy.data.collections.new("Lit")
     node = emission_of(lamp.data)
     falloff = lamp.data.node_tree.nodes.new("ShaderNodeLightFalloff")
     lamp.data.node_tree.links.new(falloff.outputs["Linear"], node.inputs["Strength"])
     assert export_now().warnings == [
-        "'Lamp': Light linking is not rendered yet",
         "'Lamp': Light Falloff in Strength is not rendered yet (its default value is used)",
     ]
 
@@ -208,6 +206,39 @@ def test_rays_that_see_a_lamp_its_spread_and_its_last_bounce_are_handed_over() -
     assert arrays["light_visibility"].tolist() == [1 + 2 + 8]
     assert arrays["light_max_bounces"].tolist() == [3]
     assert arrays["light_spread"].tolist() == [1.0]
+
+
+def link(lamp: Any, kind: str, things: dict[Any, str]) -> None:
+    """Link a lamp to things that are included or excluded."""
+    collection = bpy.data.collections.new("Linked")
+    for thing in things:
+        collection.objects.link(thing)
+    for entry, state in zip(collection.collection_objects, things.values(), strict=True):
+        entry.light_linking.link_state = state
+    setattr(lamp.light_linking, f"{kind}_collection", collection)
+
+
+def test_linked_lamps_name_the_sets_of_things() -> None:
+    add_camera()
+    mesh: Any = bpy.data.meshes.new("Triangle")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    one, two, three = (add_object(name, mesh) for name in ("One", "Two", "Three"))
+    lamps = [add_light("POINT") for _ in range(4)]
+    link(lamps[1], "receiver", {one: "INCLUDE", two: "INCLUDE"})
+    link(lamps[2], "receiver", {one: "INCLUDE", two: "INCLUDE"})
+    link(lamps[3], "receiver", {one: "EXCLUDE"})
+    link(lamps[3], "blocker", {three: "INCLUDE"})
+    frame = export_now()
+    arrays = frame.arrays
+    assert frame.warnings == []
+    links = {tuple(row) for row in arrays["light_links"].tolist()}
+    assert links == {(0, 0), (1, 0), (2, 1)} or links == {(0, 0), (2, 0), (1, 1)}
+    pair = next(receivers for receivers, blockers in links if receivers and not blockers)
+    rest = 3 - pair
+    sets = (arrays[f"instance_{kind}_sets"].tolist() for kind in ("receiver", "blocker"))
+    by_thing = sorted(zip(*sets, strict=True))
+    expected = [(1 + 2**pair, 1), (1 + 2**pair + 2**rest, 1), (1 + 2**rest, 3)]
+    assert by_thing == sorted(expected)
 
 
 def test_a_portal_is_no_lamp() -> None:

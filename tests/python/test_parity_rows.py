@@ -14,6 +14,8 @@ NAMES = (
     "light: spot, blend 1",
     "light: area, spread 60 degrees",
     "light: no shadow",
+    "light: linking: lights the ball alone",
+    "light: linking: shadow of all but the ball",
     "light: hidden from glossy rays",
     "visibility: collection, holdout",
     "geometry: hair curves, 3D",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from ..image import ImageUse
+from ..image import ImageUse, Timing
 from ..nodes import Source
 from .compiler import ONE, ZERO, Compiler
 from .program import TABLE_SIZE, Operand
@@ -104,6 +104,7 @@ def image(compiler: Compiler, source: Source) -> Operand:
         node.image,
         node.extension,
         "Cubic" if node.interpolation == "Smart" else node.interpolation,  # as in Cycles
+        Timing.of(node.image, node.image_user),
         multiply_alpha=not node.outputs["Alpha"].is_linked,
     )
     row = compiler.program.image(use)

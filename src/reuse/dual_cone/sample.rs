@@ -120,6 +120,7 @@ impl<'a> Pass<'a> {
             ray: surface.ray_towards(drawn.direction),
             pdf_solid_angle,
             position: surface.position,
+            membership: surface.membership,
             normal: surface.normal_towards(drawn.direction),
             strategy: self.strategy,
             bounces: Bounces::default().after(drawn.part),

@@ -12,7 +12,7 @@ use super::tree::{Extent, NormalCone};
 use super::{Emitter, LightClass, LightHit, LightSample, Receiver};
 use crate::math::warp::sample_disk;
 use crate::math::{Ray, luminance};
-use crate::scene::Reach;
+use crate::scene::{Links, Reach};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Shape {
@@ -222,6 +222,7 @@ impl Emitter for Area {
         let in_range = towards < 0.0 && t > 0.0 && t <= ray.t_max;
         let hits = in_range && self.covers(self.local(ray.at(t)).0);
         hits.then(|| LightHit {
+            links: Links::default(),
             t,
             radiance: self.radiance(ray.direction),
             pdf_solid_angle: self.pdf(ray.origin, ray.direction, t),

@@ -28,7 +28,7 @@ use glam::Vec3A;
 use super::sampler::LightUse;
 use crate::kernel::InstanceBvh;
 use crate::math::Ray;
-use crate::scene::{Light, LightKind, Reach, SceneFrame, World};
+use crate::scene::{Light, LightKind, Links, Reach, SceneFrame, World};
 use crate::shader::RayKind;
 use area::Area;
 use choice::{Choice, Chosen, EVALUATED_MAX};
@@ -104,6 +104,8 @@ pub struct LightHit {
     pub radiance: Vec3A,
     /// Density [1/sr] with which light sampling would have drawn this direction.
     pub pdf_solid_angle: f32,
+    /// What it lights; [`LightSampler::lamps_along`] knows it, the emitters do not.
+    pub links: Links,
 }
 
 /// A point that light arrives at.
@@ -377,6 +379,7 @@ impl LightSampler {
         visible.filter_map(move |index| {
             let mut hit = self.lights[index].intersect(ray, normal)?;
             hit.pdf_solid_angle *= self.pmf(index, strategy, &receiver);
+            hit.links = self.reaches[index].links;
             Some(hit)
         })
     }

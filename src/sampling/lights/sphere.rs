@@ -15,7 +15,7 @@ use crate::math::warp::{
     sample_cosine_hemisphere, sample_disk,
 };
 use crate::math::{Frame, Ray, luminance};
-use crate::scene::Reach;
+use crate::scene::{Links, Reach};
 
 /// A lamp with a radius below this [m] counts as a point.
 const RADIUS_MIN: f32 = 1e-6;
@@ -240,6 +240,7 @@ impl Emitter for Sphere {
         let t = self.distance(ray.origin, ray.direction)?;
         let radiance = self.radiance(ray.direction, self.is_inside(ray.origin));
         (t <= ray.t_max && radiance != Vec3A::ZERO).then(|| LightHit {
+            links: Links::default(),
             t,
             radiance,
             pdf_solid_angle: self.pdf(ray.origin, normal, ray.direction, t),

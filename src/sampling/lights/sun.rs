@@ -7,7 +7,7 @@ use glam::{Affine3A, Vec3A};
 use super::{Emitter, LightClass, LightHit, LightSample, Receiver};
 use crate::math::warp::{one_minus_cos_from_sin_squared, pdf_cone, sample_cone};
 use crate::math::{Frame, Ray, luminance};
-use crate::scene::Reach;
+use crate::scene::{Links, Reach};
 
 /// A sun with a disk smaller than this [rad] counts as a single direction.
 const ANGLE_MIN: f32 = 1e-5;
@@ -73,6 +73,7 @@ impl Emitter for Sun {
         let chord_squared = (ray.direction - self.frame.normal()).length_squared();
         let inside = 0.5 * chord_squared <= one_minus_cos && ray.t_max == f32::INFINITY;
         inside.then(|| LightHit {
+            links: Links::default(),
             t: f32::INFINITY,
             radiance: self.radiance(),
             pdf_solid_angle: pdf_cone(one_minus_cos),

@@ -5,7 +5,7 @@ use glam::{Affine3A, EulerRot, Mat3A, Quat, Vec2, Vec3};
 use super::*;
 use crate::contract::{Given, Numbers};
 use crate::math::statistics::{DirectionTest, MAX_SCORE, Random, chi_square_score};
-use crate::scene::{Instance, Material, Mesh, Placement, Shutter, Visibility};
+use crate::scene::{Instance, Material, Membership, Mesh, Placement, Shutter, Visibility};
 use crate::shader::{Draft, ObjectInfo};
 
 mod many;
@@ -104,6 +104,7 @@ fn glowing_square() -> SceneFrame {
         materials: vec![0, 1],
         visibility: Visibility::ALL,
         is_holdout: false,
+        membership: Membership::ALL,
     };
     let mut frame = frame_of(vec![], plain_world(0.0));
     frame.meshes = vec![Arc::new(mesh.unwrap())];
