@@ -269,11 +269,11 @@ Written by `make scaling SCALING_FLAGS=--write-docs`; `--full` adds 10 million t
 ![Time and memory against triangles, pixels, window and lamps]({FIGURE.as_posix()})
 
 A landscape of 20,000 triangles under four lamps at {SIZE[0]} x {SIZE[1]} pixels, 4 samples,
-1 bounce; one of these grows. Seconds are processor time of all threads; export includes what Blender
-takes to evaluate the frame, and the first one of a process reads everything. Memory is the peak of
-the whole process, Blender included. Triangles and lamps: Path Tracing; pixels and window: Dual Cone,
-which traces every frame it borrows from. An exponent of 1 means that twice the size takes twice as
-much.
+1 bounce; one of these grows. Seconds are processor time of all threads; export includes what
+Blender takes to evaluate the frame, and the first one of a process reads everything. Memory is
+the peak of the whole process, Blender included. Triangles and lamps: Path Tracing; pixels and
+window: Dual Cone, which traces every frame it borrows from. An exponent of 1 means that twice the
+size takes twice as much.
 
 """ + "\n".join([*lines, ""])
 
