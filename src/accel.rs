@@ -6,12 +6,12 @@
 
 use std::collections::HashMap;
 
-use glam::{Affine3A, BVec3A, Vec3A};
+use glam::Vec3A;
 use rayon::prelude::*;
 
 use crate::kernel::{InstanceBvh, TriangleBvh, TriangleHit};
 use crate::math::Ray;
-use crate::scene::{Instance, Mesh, SceneFrame};
+use crate::scene::{Mesh, SceneFrame};
 
 /// Where a ray meets the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -55,13 +55,10 @@ impl Accel {
         meshes.for_each(|(mesh, earlier)| {
             mesh.bvhs_after(earlier);
         });
-        let boxes: Vec<_> = (0u32..)
-            .zip(&frame.instances)
-            .map(|(index, instance)| {
-                let bounds = frame.mesh_of(index).bounds();
-                bounds.map_or((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |bounds| {
-                    bounds_of(instance, bounds)
-                })
+        let boxes: Vec<_> = (0..frame.instances.len() as u32)
+            .map(|index| {
+                let nowhere = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+                frame.bounds_of(index).unwrap_or(nowhere)
             })
             .collect();
         Self {
@@ -151,43 +148,14 @@ fn on_instance<'a>(
     (bvh, ray)
 }
 
-/// The box around an instance whose mesh fills a box, wherever it is while the shutter is open.
-fn bounds_of(instance: &Instance, (lower, upper): (Vec3A, Vec3A)) -> (Vec3A, Vec3A) {
-    let Some(motion) = &instance.motion else {
-        return world_bounds(instance.placement.world_from_object, (lower, upper));
-    };
-    let corners = std::array::from_fn(|corner| {
-        let is_upper = [1, 2, 4].map(|bit| corner & bit != 0);
-        Vec3A::select(BVec3A::from_array(is_upper), upper, lower)
-    });
-    let (low, high) = motion.bounds(corners);
-    world_bounds(Affine3A::IDENTITY, (low, high))
-}
-
-/// The box around a placed box.
-fn world_bounds(world_from_object: Affine3A, (lower, upper): (Vec3A, Vec3A)) -> (Vec3A, Vec3A) {
-    /// Growth relative to the numbers that went in, against their rounding (2^-24 each, a dozen
-    /// of them here and in `object_ray`).
-    const PADDING: f32 = 1.0 / (1 << 20) as f32;
-    let (centre, half) = (0.5 * (lower + upper), 0.5 * (upper - lower));
-    let magnitude = Affine3A {
-        matrix3: world_from_object.matrix3.abs(),
-        translation: world_from_object.translation.abs(),
-    };
-    let padding = magnitude.transform_point3a(centre.abs() + half) * PADDING;
-    let centre = world_from_object.transform_point3a(centre);
-    let half = magnitude.transform_vector3a(half) + padding;
-    (centre - half, centre + half)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::contract::{Given, Numbers};
     use crate::kernel::Positions;
     use crate::math::statistics::Random;
-    use crate::scene::{Placement, Reach, Shutter, Trajectory, Visibility, World};
-    use glam::{EulerRot, Mat3A, Quat, Vec3};
+    use crate::scene::{Instance, Placement, Reach, Shutter, Trajectory, Visibility, World};
+    use glam::{Affine3A, EulerRot, Mat3A, Quat, Vec3};
     use std::sync::Arc;
 
     fn point(random: &mut Random) -> Vec3 {
@@ -479,19 +447,6 @@ mod tests {
             hits += usize::from(hit.is_some());
         }
         assert!(hits > 50, "{hits}");
-    }
-
-    #[test]
-    fn a_placed_box_holds_its_corners() {
-        let turn = Affine3A::from_rotation_z(0.7) * Affine3A::from_translation(Vec3::splat(1e4));
-        let (lower, upper) = (Vec3A::new(-1.0, 2.0, 0.0), Vec3A::new(3.0, 2.5, 1.0));
-        let (low, high) = world_bounds(turn, (lower, upper));
-        for corner in 0..8 {
-            let mask = [1, 2, 4].map(|bit| corner & bit != 0);
-            let corner = Vec3A::select(glam::BVec3A::from_array(mask), upper, lower);
-            let placed = turn.transform_point3a(corner);
-            assert!(low.cmple(placed).all() && placed.cmple(high).all());
-        }
     }
 
     #[test]

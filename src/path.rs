@@ -13,7 +13,8 @@ use crate::accel::{Accel, Hit};
 use crate::contract::Settings;
 use crate::math::Ray;
 use crate::sampling::{
-    Bsdf, LightHit, LightSample, LightSampler, LobePdfs, LobeValues, Part, Sampler, Strategy,
+    Bsdf, LightHit, LightSample, LightSampler, LobePdfs, LobeValues, Part, Receiver, Sampler,
+    Strategy,
 };
 use crate::scene::{Links, Membership, SceneFrame};
 use crate::shader::{RayInfo, RayKind};
@@ -135,6 +136,16 @@ pub struct Continuation {
     pub throughput: f32,
     /// Whether the length of the ray is wanted even where only its visibility matters for light.
     pub wants_distance: bool,
+}
+
+impl Continuation {
+    fn receiver(&self) -> Receiver {
+        Receiver {
+            point: self.position,
+            normal: self.normal,
+            time: self.ray.time,
+        }
+    }
 }
 
 /// What comes back along a ray, apart by origin. Radiance of lights that light sampling also finds
@@ -479,12 +490,12 @@ impl<'a> Tracer<'a> {
             return gathered;
         };
         if surface.emission != Vec3A::ZERO {
+            let (hit, strategy) = (&surface.hit, from.strategy);
             let pdf_light = self.lights.emissive_pdf(
-                surface.hit.instance,
-                surface.hit.triangle,
-                from.position,
-                from.normal,
-                from.strategy,
+                &from.receiver(),
+                strategy,
+                hit.instance,
+                hit.triangle,
                 surface.position,
             );
             let glow = surface.emission * balance(from.pdf_solid_angle, pdf_light);
@@ -522,9 +533,9 @@ impl<'a> Tracer<'a> {
         if radiance == Vec3A::ZERO {
             return radiance;
         }
-        let pdf_light =
-            self.lights
-                .environment_pdf(from.position, from.normal, from.strategy, direction);
+        let pdf_light = self
+            .lights
+            .environment_pdf(&from.receiver(), from.strategy, direction);
         radiance * balance(from.pdf_solid_angle, pdf_light)
     }
 
@@ -565,13 +576,16 @@ impl<'a> Tracer<'a> {
             false => &[1.0],
         };
         for side in sides {
-            let lights = self.lights.sample(
-                surface.position,
-                side * surface.normal,
-                strategy,
-                &sampler.light(vertex),
-                || sampler.sky(vertex),
-            );
+            let receiver = Receiver {
+                point: surface.position,
+                normal: side * surface.normal,
+                time: surface.time,
+            };
+            let lights = self
+                .lights
+                .sample(&receiver, strategy, &sampler.light(vertex), || {
+                    sampler.sky(vertex)
+                });
             // A light that reaches around the horizon is found from both sides: each counts for its
             // own directions.
             let is_on_side =

@@ -11,7 +11,7 @@ use crate::scene::{
 };
 use crate::testing::{
     MAX_SCORE, SEEDS, Scene, Shoot, any_camera, camera, cube, diffuse, glass, glossy, glowing,
-    lacquer, mean_radiance, paper, plain_world, sphere, square,
+    image_world, lacquer, mean_radiance, paper, plain_world, sphere, square,
 };
 
 const METHODS: [Method; 5] = [
@@ -255,6 +255,31 @@ fn sharing_keeps_the_energy_of_path_tracing() {
         );
         assert!(bias.error < 0.01, "{name}: {bias:?}");
     }
+}
+
+/// A cube that turns by a radian a frame: its sides see another part of an uneven sky each time.
+#[test]
+fn an_object_that_turns_far_keeps_its_light() {
+    let turning = |number: i32| {
+        let mut scene = Scene::new();
+        scene.world = image_world([8, 4], |column, _| Vec3::splat(0.1 + column as f32 / 4.0));
+        scene.camera = camera(Vec3::new(0.0, -5.0, 2.0), Vec3::ZERO, 0.6);
+        let turn = Affine3A::from_rotation_z(number as f32);
+        scene.add(cube(), turn, diffuse(0.8));
+        scene.frame(number)
+    };
+    let frames: Vec<_> = (0..=2).map(turning).collect();
+    let run = |method| {
+        let settings = Settings {
+            samples: 16,
+            film_transparent: true,
+            ..settings(method)
+        };
+        shoot(&frames, settings).mean_of(1, SEEDS)
+    };
+    let bias = run(Method::DualCone).against(run(Method::Path));
+    assert!(bias.mean.abs() < 0.003 + MAX_SCORE * bias.error, "{bias:?}");
+    assert!(bias.error < 0.002, "{bias:?}");
 }
 
 /// Yards seen by a lens with a wide aperture, along an axis, and all around.

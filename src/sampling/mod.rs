@@ -7,6 +7,8 @@ mod sampler;
 mod shutter;
 
 pub use bsdf::{Bsdf, BsdfSample, Gloss, LobePdfs, LobeValues, Part, Principled};
-pub use lights::{LightClass, LightHit, LightSample, LightSampler, Strategy, emitted_radiance};
+pub use lights::{
+    LightClass, LightHit, LightSample, LightSampler, Receiver, Strategy, emitted_radiance,
+};
 pub use sampler::{CameraSample, LightUse, Sampler, ScatterUse};
 pub use shutter::ShutterTimes;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
+use super::motion::{Bounds, bounds_of_placed};
 use super::{
     Camera, CameraMotion, Image, Lens, Light, LightKind, Links, Material, Membership, Mesh,
     Panorama, Placement, Projection, Reach, Trajectory, Visibility, World,
@@ -121,6 +122,17 @@ impl SceneFrame {
     /// Whether an instance moves, or changes its form, while the shutter is open.
     pub fn moves(&self, instance: u32) -> bool {
         self.instances[instance as usize].motion.is_some() || self.mesh_of(instance).is_moving()
+    }
+
+    /// The box around an instance, wherever it is while the shutter is open; `None` where its mesh is
+    /// empty. Builds the mesh's trees.
+    pub fn bounds_of(&self, instance: u32) -> Option<Bounds> {
+        let bounds = self.mesh_of(instance).bounds()?;
+        let instance = &self.instances[instance as usize];
+        Some(match &instance.motion {
+            None => bounds_of_placed(instance.placement.world_from_object, bounds),
+            Some(motion) => motion.bounds(bounds),
+        })
     }
 
     /// The ray that a point of the film sees at a share of the shutter's time; see [`Camera::ray`].

@@ -248,3 +248,68 @@ fn corner_normals(numbers: &[f32], triangles: &[[u32; 3]], vertices: &[Vec3]) ->
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contract::Numbers;
+    use crate::testing::mesh;
+    use glam::{Affine3A, Quat};
+
+    /// A triangle with three normals, and the same with its vertices placed by a matrix, and back.
+    fn moved_by(matrix: Affine3A) -> Mesh {
+        let vertices = [
+            Vec3::ZERO,
+            Vec3::new(2.0, 0.0, 0.0),
+            Vec3::new(0.3, 1.0, 0.0),
+        ];
+        let mut still = mesh(&vertices, &[[0, 1, 2]]);
+        let bent = [
+            Vec3::Z,
+            Vec3::new(0.6, 0.0, 0.8),
+            Vec3::new(0.0, -0.28, 0.96),
+        ];
+        still.corner_normals = Arc::new(vec![bent]);
+        let at_end = vertices.map(|v| matrix.transform_point3(v));
+        let times = [vertices, at_end, vertices];
+        let numbers: Vec<f32> = times.iter().flatten().flat_map(Vec3::to_array).collect();
+        let given = Given {
+            name: "motion_vertices".into(),
+            shape: vec![3, 3, 3],
+            numbers: Numbers::F32(&numbers),
+        };
+        still.moving(vec![given]).unwrap()
+    }
+
+    #[test]
+    fn normals_turn_and_stretch_with_their_triangle() {
+        let turn = Affine3A::from_quat(Quat::from_scaled_axis(Vec3::new(0.4, -0.9, 1.3)));
+        let shrink = Affine3A::from_scale(Vec3::splat(0.3));
+        let stretch = Affine3A::from_scale(Vec3::new(3.0, 1.0, 3f32.sqrt()));
+        for matrix in [turn, turn * shrink, stretch] {
+            let mesh = moved_by(matrix);
+            let follow = matrix.matrix3.inverse().transpose();
+            let normals = mesh.corner_normals_at(0, &mesh.corners_at(0, 0.5));
+            for (normal, before) in normals.iter().zip(&mesh.corner_normals[0]) {
+                let expected = (follow * Vec3A::from(*before)).normalize();
+                assert!(normal.distance(expected) < 1e-5, "{normal} {expected}");
+            }
+            let back = mesh.corner_normals_at(0, &mesh.corners_at(0, 1.0));
+            assert!(back[1].distance(mesh.corner_normals[0][1].into()) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn what_moves_must_keep_its_vertices() {
+        let still = mesh(&[Vec3::ZERO, Vec3::X, Vec3::Y], &[[0, 1, 2]]);
+        for (times, vertices) in [(1, 3), (2, 4), (0, 3)] {
+            let numbers = vec![0.0; times * vertices * 3];
+            let given = Given {
+                name: "motion_vertices".into(),
+                shape: vec![times, vertices, 3],
+                numbers: Numbers::F32(&numbers),
+            };
+            assert!(still.moving(vec![given]).is_err(), "{times} {vertices}");
+        }
+    }
+}

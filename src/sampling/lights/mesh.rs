@@ -1,5 +1,6 @@
 //! An instance whose triangles glow, to both sides as in Cycles.
 
+use std::borrow::Cow;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
@@ -45,7 +46,7 @@ pub fn emitted_radiance(
     glow_of(&material.emission, &point, &frame.images)
 }
 
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Facet {
     triangle: u32,
     corners: [Vec3A; 3],
@@ -87,7 +88,7 @@ impl Glow {
     }
 }
 
-/// What nodes read, where some material shines as they compute.
+/// What nodes read, where some material shines as they compute, and where it is at any time.
 struct Shading {
     images: Vec<Arc<Image>>,
     camera: Camera,
@@ -106,18 +107,29 @@ impl Shading {
         }
     }
 
-    fn radiance(&self, nodes: &Program, triangle: u32, at: Vec2, direction: Vec3A) -> Vec3A {
-        let facet = scene::Facet::of(
-            &self.camera,
-            &self.instance,
-            &self.mesh,
-            triangle,
-            MIDDLE_TIME,
-        );
+    /// Corners of a triangle, world space.
+    fn corners_at(&self, triangle: u32, time: f32) -> [Vec3A; 3] {
+        let placement = self.instance.placement_at(time);
+        let corners = self.mesh.corners_at(triangle, time);
+        corners.map(|corner| placement.world_from_object.transform_point3a(corner))
+    }
+
+    fn radiance(&self, nodes: &Program, spot: Spot, direction: Vec3A) -> Vec3A {
+        let Spot { triangle, at, time } = spot;
+        let facet = scene::Facet::of(&self.camera, &self.instance, &self.mesh, triangle, time);
         let ray = RayInfo::default();
         let point = facet.point(at, direction, direction.length(), &ray);
         glow_of(nodes, &point, &self.images)
     }
+}
+
+/// A point of a triangle at a time.
+#[derive(Clone, Copy)]
+struct Spot {
+    triangle: u32,
+    /// Barycentric coordinates.
+    at: Vec2,
+    time: f32,
 }
 
 pub(super) struct MeshLight {
@@ -125,8 +137,9 @@ pub(super) struct MeshLight {
     choice: Discrete,
     /// By material slot.
     glows: Vec<Glow>,
-    /// Where some of them are computed by nodes.
+    /// Where some of them are computed by nodes, and where the instance moves.
     shading: Option<Shading>,
+    is_moving: bool,
     center: Vec3A,
     radius: f32,
     power: f32,
@@ -143,13 +156,17 @@ impl MeshLight {
             return None;
         }
         let has_nodes = glows.iter().any(|glow| matches!(glow, Glow::Nodes(_)));
-        let shading = has_nodes.then(|| Shading::of(frame, instance));
+        let is_moving = frame.moves(instance);
+        let shading = (has_nodes || is_moving).then(|| Shading::of(frame, instance));
         let facets = facets(frame, instance, &glows);
         let powers = powers(&facets, &glows, shading.as_ref());
         let choice = Discrete::new(powers.iter().copied())?;
         let corners = || facets.iter().flat_map(|f| f.corners);
-        let low = corners().fold(Vec3A::INFINITY, Vec3A::min);
-        let high = corners().fold(Vec3A::NEG_INFINITY, Vec3A::max);
+        let mut low = corners().fold(Vec3A::INFINITY, Vec3A::min);
+        let mut high = corners().fold(Vec3A::NEG_INFINITY, Vec3A::max);
+        if let Some((lower, upper)) = is_moving.then(|| frame.bounds_of(instance)).flatten() {
+            (low, high) = (lower, upper);
+        }
         Some(Self {
             choice,
             center: 0.5 * (low + high),
@@ -158,23 +175,37 @@ impl MeshLight {
             facets,
             glows,
             shading,
+            is_moving,
         })
     }
 
-    fn radiance(&self, facet: &Facet, barycentric: Vec2, direction: Vec3A) -> Vec3A {
+    fn radiance(&self, facet: &Facet, at: Vec2, time: f32, direction: Vec3A) -> Vec3A {
         match (&self.glows[facet.glow as usize], &self.shading) {
             (Glow::Uniform(radiance), _) => *radiance,
             (Glow::Nodes(nodes), Some(shading)) => {
-                shading.radiance(nodes, facet.triangle, barycentric, direction)
+                let triangle = facet.triangle;
+                shading.radiance(nodes, Spot { triangle, at, time }, direction)
             }
             _ => Vec3A::ZERO,
         }
     }
 
-    fn pdf_of_facet(&self, index: usize, offset: Vec3A) -> f32 {
+    /// A facet where it is at a share of the shutter's time.
+    fn facet_at(&self, index: usize, time: f32) -> Cow<'_, Facet> {
+        let facet = &self.facets[index];
+        match &self.shading {
+            Some(shading) if self.is_moving => Cow::Owned(Facet {
+                corners: shading.corners_at(facet.triangle, time),
+                ..*facet
+            }),
+            _ => Cow::Borrowed(facet),
+        }
+    }
+
+    /// Density [1/sr] with which the point at `offset` of a facet is drawn.
+    fn pdf_of_facet(&self, index: usize, facet: &Facet, offset: Vec3A) -> f32 {
         let distance_squared = offset.length_squared();
-        let cos_times_area =
-            offset.dot(self.facets[index].area_normal()).abs() / distance_squared.sqrt();
+        let cos_times_area = offset.dot(facet.area_normal()).abs() / distance_squared.sqrt();
         let density = self.choice.pmf(index) * distance_squared / cos_times_area;
         if density.is_finite() { density } else { 0.0 }
     }
@@ -212,7 +243,12 @@ const LEAST_RADIANCE: f32 = 0.05;
 fn powers(facets: &[Facet], glows: &[Glow], shading: Option<&Shading>) -> Vec<f32> {
     let probed = |facet: &Facet, nodes: &Program, shading: &Shading| {
         let direction = -facet.area_normal();
-        let at = |probe: Vec2| luminance(shading.radiance(nodes, facet.triangle, probe, direction));
+        let spot = |at: Vec2| Spot {
+            triangle: facet.triangle,
+            at,
+            time: MIDDLE_TIME,
+        };
+        let at = |probe: Vec2| luminance(shading.radiance(nodes, spot(probe), direction));
         PROBES.map(at).iter().sum::<f32>() / PROBES.len() as f32
     };
     let radiances: Vec<f32> = facets
@@ -252,14 +288,14 @@ impl Emitter for MeshLight {
 
     fn sample(&self, receiver: &Receiver, u_choice: f32, u: [f32; 2]) -> Option<LightSample> {
         let (index, _, _) = self.choice.sample(u_choice);
-        let facet = &self.facets[index];
+        let facet = self.facet_at(index, receiver.time);
         let b = sample_triangle(u);
         let weights = [1.0 - b.x - b.y, b.x, b.y];
         let mix = |k: usize| weights[k] * facet.corners[k];
         let offset = mix(0) + mix(1) + mix(2) - receiver.point;
         let distance = offset.length();
-        let radiance = self.radiance(facet, Vec2::new(b.x, b.y), offset);
-        let pdf_solid_angle = self.pdf_of_facet(index, offset);
+        let radiance = self.radiance(&facet, Vec2::new(b.x, b.y), receiver.time, offset);
+        let pdf_solid_angle = self.pdf_of_facet(index, &facet, offset);
         (pdf_solid_angle > 0.0 && distance > 0.0).then(|| LightSample {
             direction: offset / distance,
             distance,
@@ -271,9 +307,12 @@ impl Emitter for MeshLight {
         })
     }
 
-    fn pdf_of_triangle(&self, triangle: u32, point: Vec3A, hit: Vec3A) -> f32 {
+    fn pdf_of_triangle(&self, receiver: &Receiver, triangle: u32, hit: Vec3A) -> f32 {
         let found = self.facets.binary_search_by_key(&triangle, |f| f.triangle);
-        found.map_or(0.0, |index| self.pdf_of_facet(index, hit - point))
+        found.map_or(0.0, |index| {
+            let facet = self.facet_at(index, receiver.time);
+            self.pdf_of_facet(index, &facet, hit - receiver.point)
+        })
     }
 
     fn extent(&self) -> Option<Extent> {

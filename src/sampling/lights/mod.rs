@@ -110,10 +110,13 @@ pub struct LightHit {
 
 /// A point that light arrives at.
 #[derive(Debug, Clone, Copy)]
-struct Receiver {
-    point: Vec3A,
+pub struct Receiver {
+    /// World space [m].
+    pub point: Vec3A,
     /// The side that light must come from.
-    normal: Vec3A,
+    pub normal: Vec3A,
+    /// When it arrives: a share of the shutter's time.
+    pub time: f32,
 }
 
 /// One light.
@@ -136,7 +139,7 @@ trait Emitter: Send + Sync {
     }
 
     /// Density [1/sr] of the point `hit` on a triangle, for glowing instances.
-    fn pdf_of_triangle(&self, _triangle: u32, _point: Vec3A, _hit: Vec3A) -> f32 {
+    fn pdf_of_triangle(&self, _receiver: &Receiver, _triangle: u32, _hit: Vec3A) -> f32 {
         0.0
     }
 
@@ -164,8 +167,6 @@ pub struct LightSampler {
     small_sky: Option<Arc<SmallSky>>,
     /// Glowing instances, in rising order; their lights come last in `lights`.
     glowing: Vec<u32>,
-    /// Whether some glow and move: those are left to scattered rays, which know the time.
-    has_moving_glow: bool,
     choice: Choice,
     /// Where there are too many lamps to ask each whether a ray meets it.
     lamp_finder: Option<LampFinder>,
@@ -197,13 +198,9 @@ impl LightSampler {
         lights.extend(sun.map(|sun| Box::new(sun) as Box<dyn Emitter>));
         let environment = lamps..lights.len();
         reaches.resize(lights.len(), frame.world.reach);
-        let (mut glowing, mut has_moving_glow) = (Vec::new(), false);
+        let mut glowing = Vec::new();
         for instance in 0..frame.instances.len() as u32 {
             if let Some(light) = MeshLight::new(frame, instance) {
-                if frame.moves(instance) {
-                    has_moving_glow = true;
-                    continue;
-                }
                 glowing.push(instance);
                 lights.push(Box::new(light));
                 reaches.push(reach_of_surface(frame, instance));
@@ -219,7 +216,6 @@ impl LightSampler {
             sky: sky_index,
             small_sky: None,
             glowing,
-            has_moving_glow,
             world: frame.world.clone(),
             image_tables,
         }
@@ -255,33 +251,30 @@ impl LightSampler {
 
     /// Whether a ray can run into a light other than the surroundings.
     pub fn can_be_met(&self) -> bool {
-        self.lamps > 0 || !self.glowing.is_empty() || self.has_moving_glow
+        self.lamps > 0 || !self.glowing.is_empty()
     }
 
-    /// Lights and directions to them from a point whose lit side `normal` is on. Their contributions
-    /// add up.
+    /// Lights and directions to them from a point. Their contributions add up.
     pub fn sample(
         &self,
-        point: Vec3A,
-        normal: Vec3A,
+        receiver: &Receiver,
         strategy: Strategy,
         numbers: &LightUse,
         sky_numbers: impl FnOnce() -> [f32; 2],
     ) -> [Option<LightSample>; 2] {
-        let receiver = Receiver { point, normal };
         let one = || {
-            let chosen = self.choose(&receiver, strategy, numbers)?;
+            let chosen = self.choose(receiver, strategy, numbers)?;
             let Chosen {
                 index,
                 probability,
                 u,
             } = chosen;
-            self.sample_light(index, probability, &receiver, u, numbers.direction)
+            self.sample_light(index, probability, receiver, u, numbers.direction)
         };
         match strategy {
             Strategy::One | Strategy::WithoutSky => [one(), None],
             Strategy::SkyApart => {
-                let sky = |sky| self.sample_light(sky, 1.0, &receiver, 0.0, sky_numbers());
+                let sky = |sky| self.sample_light(sky, 1.0, receiver, 0.0, sky_numbers());
                 [one(), self.sky.and_then(sky)]
             }
             Strategy::SmallSkyApart => {
@@ -332,21 +325,19 @@ impl LightSampler {
     /// surroundings.
     pub fn environment_pdf(
         &self,
-        point: Vec3A,
-        normal: Vec3A,
+        receiver: &Receiver,
         strategy: Strategy,
         direction: Vec3A,
     ) -> f32 {
-        let receiver = Receiver { point, normal };
         let small = match (&self.small_sky, strategy) {
             (Some(small), Strategy::SmallSkyApart) => small.pdf(direction),
             _ => 0.0,
         };
         let drawn = |&index: &usize| self.sky != Some(index) || strategy.draws_sky();
         let densities = self.environment.clone().filter(drawn).map(|index| {
-            let density = self.lights[index].pdf_of_direction(&receiver, direction);
+            let density = self.lights[index].pdf_of_direction(receiver, direction);
             if density > 0.0 {
-                density * self.pmf(index, strategy, &receiver)
+                density * self.pmf(index, strategy, receiver)
             } else {
                 0.0
             }
@@ -369,6 +360,7 @@ impl LightSampler {
         let receiver = Receiver {
             point: ray.origin,
             normal,
+            time: ray.time,
         };
         let (all, found) = match &self.lamp_finder {
             Some(finder) => (0..0, finder.candidates(ray)),
@@ -388,19 +380,18 @@ impl LightSampler {
     /// triangle; zero for one that does not glow.
     pub fn emissive_pdf(
         &self,
+        receiver: &Receiver,
+        strategy: Strategy,
         instance: u32,
         triangle: u32,
-        point: Vec3A,
-        normal: Vec3A,
-        strategy: Strategy,
         hit: Vec3A,
     ) -> f32 {
         let Ok(index) = self.glowing.binary_search(&instance) else {
             return 0.0;
         };
         let index = self.environment.end + index;
-        let density = self.lights[index].pdf_of_triangle(triangle, point, hit);
-        density * self.pmf(index, strategy, &Receiver { point, normal })
+        let density = self.lights[index].pdf_of_triangle(receiver, triangle, hit);
+        density * self.pmf(index, strategy, receiver)
     }
 
     fn choose(

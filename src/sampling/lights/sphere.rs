@@ -210,7 +210,7 @@ impl Emitter for Sphere {
     }
 
     fn sample(&self, receiver: &Receiver, _: f32, u: [f32; 2]) -> Option<LightSample> {
-        let Receiver { point, normal } = *receiver;
+        let Receiver { point, normal, .. } = *receiver;
         let (direction, distance) = self.direction(receiver, u);
         let is_delta = self.shape == Shape::Point;
         let radiance = if is_delta {

@@ -4,6 +4,7 @@ use glam::{Affine3A, EulerRot, Mat3A, Quat, Vec2, Vec3};
 
 use super::*;
 use crate::contract::{Given, Numbers};
+use crate::math::MIDDLE_TIME;
 use crate::math::statistics::{DirectionTest, MAX_SCORE, Random, chi_square_score};
 use crate::scene::{Instance, Material, Membership, Mesh, Placement, Shutter, Visibility};
 use crate::shader::{Draft, ObjectInfo};
@@ -17,6 +18,15 @@ fn plain_world(radiance: f32) -> World {
         camera_image: None,
         environment_from_world: Mat3A::IDENTITY,
         reach: Reach::ALL,
+    }
+}
+
+/// A point at the frame's own time.
+fn receiver_at(point: Vec3A, normal: Vec3A) -> Receiver {
+    Receiver {
+        point,
+        normal,
+        time: MIDDLE_TIME,
     }
 }
 
@@ -128,7 +138,12 @@ fn draw(
     normal: Vec3A,
     random: &mut Random,
 ) -> Option<LightSample> {
-    lights.sample(point, normal, Strategy::One, &numbers(random), || [0.5; 2])[0]
+    lights.sample(
+        &receiver_at(point, normal),
+        Strategy::One,
+        &numbers(random),
+        || [0.5; 2],
+    )[0]
 }
 
 /// Irradiance by light sampling at a receiver, green, and its standard deviation.
@@ -143,7 +158,9 @@ fn irradiance(
     let (mut sum, mut squares) = (0.0f64, 0.0f64);
     for _ in 0..samples {
         let numbers = numbers(&mut random);
-        let drawn = lights.sample(point, normal, strategy, &numbers, || random.next_2d());
+        let drawn = lights.sample(&receiver_at(point, normal), strategy, &numbers, || {
+            random.next_2d()
+        });
         let value = |light: LightSample| {
             let cos = light.direction.dot(normal).max(0.0);
             f64::from(lights.radiance(&light).y * cos / light.pdf_solid_angle)
@@ -313,7 +330,7 @@ fn pdf_along(lights: &LightSampler, receiver: &Receiver, direction: Vec3A) -> f3
     let ray = Ray::new(receiver.point, direction);
     let hits = lights.lamps_along(&ray, receiver.normal, Strategy::One, RayKind::Diffuse, 0);
     let lamps: f32 = hits.map(|hit| hit.pdf_solid_angle).sum();
-    lamps + lights.environment_pdf(receiver.point, receiver.normal, Strategy::One, direction)
+    lamps + lights.environment_pdf(receiver, Strategy::One, direction)
 }
 
 /// Light samples against the density that rays which meet the light by chance report: what multiple
@@ -335,10 +352,7 @@ fn light_samples_follow_the_densities_of_the_rays_that_find_them() {
         (LightKind::AreaRectangle { size, spread: PI }, 0.2),
         (LightKind::AreaEllipse { size, spread: PI }, 0.2),
     ];
-    let receiver = Receiver {
-        point: Vec3A::ZERO,
-        normal: Vec3A::new(0.6, 0.0, 0.8),
-    };
+    let receiver = receiver_at(Vec3A::ZERO, Vec3A::new(0.6, 0.0, 0.8));
     for (kind, one_minus_cos_max) in kinds {
         let light = lamp_at(kind, near, tilt);
         let axis = match kind {
@@ -384,16 +398,16 @@ fn glowing_triangles_follow_their_density() {
                 return 0.0;
             }
             let triangle = if x > y { 0 } else { 2 };
-            lights.emissive_pdf(0, triangle, point, normal, Strategy::One, hit)
+            lights.emissive_pdf(&receiver_at(point, normal), Strategy::One, 0, triangle, hit)
         },
     );
     assert!(score < MAX_SCORE, "{score}");
     assert_eq!(
-        lights.emissive_pdf(0, 1, point, normal, Strategy::One, Vec3A::X),
+        lights.emissive_pdf(&receiver_at(point, normal), Strategy::One, 0, 1, Vec3A::X),
         0.0
     );
     assert_eq!(
-        lights.emissive_pdf(3, 0, point, normal, Strategy::One, Vec3A::X),
+        lights.emissive_pdf(&receiver_at(point, normal), Strategy::One, 3, 0, Vec3A::X),
         0.0
     );
 }
@@ -536,7 +550,8 @@ fn spread_narrows_an_area_lamp_and_keeps_its_power() {
                         inside: 0.0,
                         direction: u,
                     };
-                    let samples = lights.sample(point, Vec3A::Z, Strategy::One, &numbers, || u);
+                    let samples =
+                        lights.sample(&receiver_at(point, Vec3A::Z), Strategy::One, &numbers, || u);
                     let irradiance = |s: &LightSample| {
                         f64::from(lights.radiance(s).x * s.direction.z / s.pdf_solid_angle)
                     };

@@ -57,6 +57,7 @@ fn stretched() -> Mat3A {
 const RECEIVER: Receiver = Receiver {
     point: Vec3A::ZERO,
     normal: Vec3A::Z,
+    time: 0.5,
 };
 
 /// Luminance of the world over the sphere by brute force: 1024 x 512 directions.

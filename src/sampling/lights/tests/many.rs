@@ -3,10 +3,10 @@
 use super::*;
 
 fn random_receiver(random: &mut Random) -> Receiver {
-    Receiver {
-        point: Vec3A::new(random.next(), random.next(), random.next()) * 8.0,
-        normal: crate::math::warp::sample_sphere(random.next_2d()),
-    }
+    receiver_at(
+        Vec3A::new(random.next(), random.next(), random.next()) * 8.0,
+        crate::math::warp::sample_sphere(random.next_2d()),
+    )
 }
 
 /// Few lights: no sample is lost. Many: some walks end between two nodes that only seemed to shine.
@@ -37,10 +37,7 @@ fn probabilities_of_the_lights_sum_to_one() {
 fn lights_are_drawn_with_their_probabilities() {
     for count in [EVALUATED_MAX - 1, 100, 1000] {
         let lights = LightSampler::build(&frame_of(many_lamps(count), plain_world(1.0)), None);
-        let receiver = Receiver {
-            point: Vec3A::ONE,
-            normal: Vec3A::Z,
-        };
+        let receiver = receiver_at(Vec3A::ONE, Vec3A::Z);
         let pmf = |i: usize| lights.pmf(i, Strategy::One, &receiver);
         let draws = 200_000;
         let mut random = Random::new(13);
