@@ -195,14 +195,11 @@ impl TriangleBvh {
     /// The triangles of a leaf at a time from 0, the start of their motion, to 1; moving ones in
     /// `moved`.
     #[inline(always)]
-    fn packet<'a>(&'a self, leaf: usize, time: f32, moved: &'a mut Packet) -> &'a Packet {
+    fn packet<'a>(&'a self, leaf: usize, time: f32, moved: &'a mut Option<Packet>) -> &'a Packet {
         let start = &self.packets[leaf];
         match self.ends.get(leaf) {
             None => start,
-            Some(end) => {
-                *moved = start.towards(end, time);
-                moved
-            }
+            Some(end) => moved.insert(start.towards(end, time)),
         }
     }
 
@@ -231,7 +228,7 @@ impl<A: FnMut(&TriangleHit) -> bool> Job for Closest<'_, A> {
         let mut meetings = Meetings::default();
         let mut best: Option<TriangleHit> = None;
         let mut t_max = self.ray.t_max;
-        let mut moved = Packet::EMPTY;
+        let mut moved = None;
         while let Some(leaf) = walk.next_nearest(t_max) {
             let packet = self.bvh.packet(leaf as usize, self.ray.time, &mut moved);
             let shear = shear.get_or_insert_with(|| Shear::new(self.ray));
@@ -270,7 +267,7 @@ impl<A: FnMut(&TriangleHit) -> bool> Job for Any<'_, A> {
         // Made at the first leaf: many walks through a mesh's box meet none.
         let mut shear = None;
         let mut meetings = Meetings::default();
-        let mut moved = Packet::EMPTY;
+        let mut moved = None;
         while let Some(leaf) = walk.next_largest(self.ray.t_max) {
             let packet = self.bvh.packet(leaf as usize, self.ray.time, &mut moved);
             let shear = shear.get_or_insert_with(|| Shear::new(self.ray));

@@ -249,6 +249,18 @@ def fan() -> None:
     camera((0.0, -5.0, 1.5), (0.0, 0.0, 1.3))
 
 
+def blurred_fan() -> None:
+    """The fan turns three times as fast, before a camera that pans, with motion blur."""
+    fan()
+    scene: Any = bpy.context.scene
+    move(bpy.data.objects["Fan"], "rotation_euler", [(1, (0, 0, 0)), (5, (0, 4 * 1.8, 0))])
+    turn = tuple(scene.camera.rotation_euler)
+    keys = [(frame, (turn[0], turn[1], turn[2] + 0.08 * (frame - 3))) for frame in (1, 5)]
+    move(scene.camera, "rotation_euler", keys)
+    scene.render.use_motion_blur = True
+    scene.render.motion_blur_shutter = 0.8
+
+
 def hard_cut() -> None:
     """The camera jumps to the other side of a coloured wall at frame 3."""
     contact()

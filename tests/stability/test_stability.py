@@ -72,6 +72,29 @@ def test_what_comes_into_view_is_not_what_was_there(stage: Stage) -> None:
     assert tint < 0.02
 
 
+@on("stage", [(scenes.blurred_fan, (3,))], indirect=True)
+def test_what_is_blurred_is_as_wide_and_as_bright_as_by_path_tracing(stage: Stage) -> None:
+    """Where the blades pass: signed error, and how much of their contrast is left.
+
+    The contrast is the slope of our picture over the reference's: blur that sharing adds lowers it,
+    blur that it takes away raises it. Products of the reference's halves, whose noise averages out.
+    """
+    assert_not_worse_than_path_tracing(stage)
+    edges = stage.edges(0.3)
+    ours = stage.pictures(METHOD, 4 * SAMPLES)
+    tint = float(np.abs(stage.tint(ours, edges)).max())
+
+    def centred(pictures: np.ndarray) -> np.ndarray:
+        return pictures[edges] - pictures[edges].mean(axis=0)
+
+    first, second = (centred(half) for half in stage.truth.halves)
+    both = centred(ours.mean(axis=0)) * (first + second) / 2
+    contrast = float(both.sum() / (first * second).sum())
+    told(tint=tint, contrast=contrast)
+    assert tint < 0.01
+    assert contrast == pytest.approx(1.0, abs=0.02)
+
+
 @on("stage", [(scenes.checker, (1,))], indirect=True)
 def test_a_pattern_of_one_pixel_keeps_its_contrast(stage: Stage) -> None:
     """Energy of the gradients, from products of two seeds: their noise averages out."""
