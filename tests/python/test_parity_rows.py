@@ -20,6 +20,8 @@ NAMES = (
     "visibility: collection, holdout",
     "geometry: hair curves, 3D",
     "geometry: point cloud",
+    "motion blur: armature",
+    "motion blur: shutter 1.5, at end",
 )
 CHOSEN = [row for row in ROWS if f"{row.group}: {row.name}" in NAMES]
 
