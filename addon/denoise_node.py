@@ -59,10 +59,11 @@ class DUALCONE_OT_denoise_node(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Wire the node and switch the engine's own denoising off."""
+        """Wire the node in place of the engine's own denoising, and share what it can clean."""
         scene: Any = context.scene
         wire(scene, context.view_layer)
         scene.dualcone.denoise = False
+        scene.dualcone.share = "FRAMES"
         return {"FINISHED"}
 
 

@@ -20,7 +20,6 @@ from types import ModuleType
 from typing import Any
 
 import bpy
-import numpy as np
 
 from . import core, denoise, passes, properties, session
 from .export import ExportCache, ExportedFrame, ExportError, ExportStopped, export_frame
@@ -151,7 +150,8 @@ class DualConeEngine(bpy.types.RenderEngine):
             pixels = frame.passes
             if dict(order.recipe.settings)["denoise"]:
                 started = time.perf_counter()
-                pixels = self._denoised(pixels)
+                clean = denoise.denoise(pixels["Combined"], pixels["Albedo"], pixels["Normal"])
+                pixels = {**pixels, "Combined": clean}
                 seconds["denoise"] = time.perf_counter() - started
             started = time.perf_counter()
             canvas.write(pixels)
@@ -164,15 +164,6 @@ class DualConeEngine(bpy.types.RenderEngine):
             canvas.close(cancel=not is_done)
         self.update_progress(1.0)
         log.info(session.log_line(order.frame, method, report))
-
-    def _denoised(self, pixels: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return the passes with Combined denoised, or as they are where nothing can do it."""
-        problem = denoise.problem()
-        if problem is not None:
-            self._warn(f"The picture is not denoised: {problem}")
-            return pixels
-        clean = denoise.denoise(pixels["Combined"], pixels["Albedo"], pixels["Normal"])
-        return {**pixels, "Combined": clean}
 
     def _trace(self, work: Work, canvas: passes.Canvas) -> RenderedFrame:
         order = work.order
@@ -268,6 +259,8 @@ def read_order(engine: DualConeEngine, depsgraph: bpy.types.Depsgraph) -> Order:
     scene = depsgraph.scene
     region = read_region(engine, scene.render)
     settings = properties.settings_of(scene)
+    # Without a denoiser, what is shared must not be what only a denoiser cleans.
+    settings["denoise"] = settings["denoise"] and denoise.problem() is None
     if not engine.is_animation and not settings["still_window"]:
         settings["window"] = 1
     frame, step = scene.frame_current, scene.frame_step
@@ -337,6 +330,9 @@ def unsupported(scene: bpy.types.Scene) -> Iterator[str]:
         yield "Stereoscopy is not rendered yet: every view shows the same picture"
     if scene.render.film_transparent and scene.cycles.film_transparent_glass:
         yield "Transparent Glass is not rendered yet: glass shows the world behind it"
+    problem = denoise.problem() if scene.dualcone.denoise else None
+    if problem is not None:
+        yield f"The picture is not denoised: {problem}"
 
 
 @bpy.app.handlers.persistent

@@ -152,6 +152,9 @@ class DUALCONE_PT_reuse(RenderPanel, bpy.types.Panel):
         own.prop(settings, "gathers")
         shared = layout.column()
         shared.active = settings.method != "PATH"
+        share = shared.column()
+        share.active = settings.method == "DUAL_CONE"
+        share.prop(settings, "share")
         shared.prop(settings, "block")
         shared.prop(settings, "window")
         recheck = shared.column()

@@ -621,6 +621,12 @@ settings! {
     block: u32 = Kind::Int(7, 1, 15), "Block";
     /// Frames that share samples, counting the frame itself.
     window: u32 = Kind::Int(3, 1, 15), "Frames";
+    /// Dual Cone only: from whom a pixel borrows.
+    share: Share = Kind::Enum("AUTO", &[
+        ("AUTO", "Automatic", "From frames alone where the picture is denoised, else from pixels and frames"),
+        ("ALL", "Pixels and Frames", "From the block of pixels, in each frame: the least noise"),
+        ("FRAMES", "Frames", "From the same place in other frames: more noise, but none that neighbours have in common, so that a denoiser removes it"),
+    ]), "Share";
     /// Paper only: which borrowed samples are tested again for visibility.
     recheck: Recheck = Kind::Enum("LIT", &[
         ("NONE", "None", "Trust the recorded visibility: fast, shadows leak"),
@@ -773,6 +779,10 @@ macro_rules! word {
 word! {
     /// How frames are rendered.
     Method { DualCone = "DUAL_CONE", Paper = "PAPER", Path = "PATH", Bilateral = "BILATERAL", IrradianceCache = "IRRADIANCE_CACHE" }
+}
+word! {
+    /// From whom a pixel borrows.
+    Share { Automatic = "AUTO", All = "ALL", Frames = "FRAMES" }
 }
 word! {
     /// Which borrowed samples of the paper's method are tested again for visibility.

@@ -64,6 +64,13 @@ impl Region {
         pixel / Vec2::new(self.frame_width as f32, self.frame_height as f32)
     }
 
+    /// By how many pixels one point of the film lies beside another, to the nearest.
+    pub fn shift(&self, from: Vec2, to: Vec2) -> (i64, i64) {
+        let size = Vec2::new(self.frame_width as f32, self.frame_height as f32);
+        let shift = ((to - from) * size).round();
+        (shift.x as i64, shift.y as i64)
+    }
+
     /// The pixel of the rectangle that a point of the film falls into; it may lie outside.
     pub fn pixel_at(&self, film: Vec2) -> (i64, i64) {
         let pixel = film * Vec2::new(self.frame_width as f32, self.frame_height as f32);

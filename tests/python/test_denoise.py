@@ -104,6 +104,7 @@ def test_the_button_wires_blenders_own_node(scene: Any) -> None:
     scene.dualcone.denoise = True
     assert bpy.ops.render.dualcone_denoise_node() == {"FINISHED"}
     assert not scene.dualcone.denoise
+    assert scene.dualcone.share == "FRAMES"
     tree = denoise_node.compositor(scene)
     node = denoise_node.node(tree, "CompositorNodeDenoise")
     sources = {

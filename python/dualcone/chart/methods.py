@@ -59,7 +59,18 @@ METHODS = (
     Method("cycles", "Cycles", engine="CYCLES"),
     Method("cycles-oidn", "Cycles + OIDN", engine="CYCLES", is_denoised=True),
     Method("path-oidn", "path tracing + OIDN", {"method": "PATH"}, is_denoised=True),
-    Method("dual_cone-oidn", "Dual Cone + OIDN", {"method": "DUAL_CONE"}, is_denoised=True),
+    Method(
+        "dual_cone-oidn",
+        "Dual Cone + OIDN",
+        {"method": "DUAL_CONE", "share": "FRAMES"},
+        is_denoised=True,
+    ),
+    Method(
+        "dual_cone-all-oidn",
+        "Dual Cone, pixels and frames, + OIDN",
+        {"method": "DUAL_CONE", "share": "ALL"},
+        is_denoised=True,
+    ),
 )
 BY_NAME = {method.name: method for method in METHODS}
 PLAIN = tuple(method.name for method in METHODS if method.is_plain)

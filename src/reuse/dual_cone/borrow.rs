@@ -5,7 +5,8 @@ use glam::Vec3A;
 use super::Memory;
 use super::gloss::{Gloss, LEAST_ALPHA, Lobe};
 use super::records::{
-    COSINE_LIMIT, LENT_CLASSES, Light, Neighbours, TAN_BETA, UNIT, column, quantised, wide_column,
+    COSINE_LIMIT, Class, LENT_CLASSES, Light, Neighbours, TAN_BETA, UNIT, column, quantised,
+    wide_column,
 };
 use crate::film::{Lending, Pilot, PixelSums};
 use crate::kernel::vector::{LANES, Vector, Work, run_on_vectors};
@@ -91,6 +92,9 @@ pub struct Borrow<'a> {
     /// Classes that the frame's light may be of.
     pub classes: [bool; LENT_CLASSES],
     pub half_block: usize,
+    /// Whether each pixel of another frame lends to one pixel alone, as a denoiser needs it: it
+    /// cannot remove noise that neighbours have in common.
+    pub is_one_to_one: bool,
     /// Least radius of a kernel in projected pixels.
     pub kernel_floor: f32,
 }
@@ -311,9 +315,15 @@ impl Borrow<'_> {
             Motion::Rigid(matrix) => (matrix.transform_point3a(block.position), true),
         };
         let view = &self.views[frame];
-        let (x, y) = view
-            .region
-            .pixel_at(view.tracer.frame.camera.project(position)?);
+        let there = view.tracer.frame.camera.project(position)?;
+        let (x, y) = if self.is_one_to_one {
+            // Projected one by one, the scattered samples of two pixels would meet the same one.
+            let camera = &self.views[self.target].tracer.frame.camera;
+            let (dx, dy) = view.region.shift(camera.project(block.position)?, there);
+            (x as i64 + dx, y as i64 + dy)
+        } else {
+            view.region.pixel_at(there)
+        };
         // A row's padding holds what reaches over its ends.
         let reach = (PADDING - LANES) as i64 - half;
         let near = x > -reach && x < view.region.width as i64 + reach;
@@ -341,6 +351,7 @@ impl Borrow<'_> {
         let side = 2 * self.half_block + 1;
         let wanted = Wanted::new(block, &place);
         let frame = self.lenders[lender];
+        let classes = self.classes_from(frame);
         let height = self.views[frame].region.height as i64;
         let first = place.y.clamp(0, height);
         let last = (place.y + side as i64).clamp(0, height);
@@ -349,9 +360,19 @@ impl Borrow<'_> {
             for start in (0..side).step_by(LANES) {
                 let inside = V::load(&LANE).at_most(V::splat((side - start) as f32 - 0.5));
                 let neighbours = Neighbours::new(rows, place.x + start as i64);
-                sums.add(&wanted, &neighbours, inside, self.classes);
+                sums.add(&wanted, &neighbours, inside, classes);
             }
         }
+    }
+
+    /// Classes that a frame lends. The shadows of narrow light move: without a block to smooth them,
+    /// those of other frames would show as ghosts.
+    fn classes_from(&self, frame: usize) -> [bool; LENT_CLASSES] {
+        let mut classes = self.classes;
+        if self.is_one_to_one && frame != self.target {
+            classes[Class::Narrow as usize] = false;
+        }
+        classes
     }
 }
 

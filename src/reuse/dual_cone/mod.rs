@@ -32,7 +32,7 @@ use self::records::{Class, LENT_CLASSES, Records};
 use self::sample::Pass;
 use self::veto::{Costs, PILOT_ITERATIONS};
 use super::{Estimator, View, film_rows};
-use crate::contract::Settings;
+use crate::contract::{Settings, Share};
 use crate::error::Result;
 use crate::film::{Film, Lending, Pilot, Region};
 use crate::kernel::vector::{to_upper_half, upper_half};
@@ -49,6 +49,8 @@ const REACH_HALF: usize = 2;
 /// Method DUAL_CONE.
 pub struct DualCone {
     half_block: usize,
+    /// Whether a pixel borrows from one pixel of each other frame alone.
+    is_one_to_one: bool,
 }
 
 /// What a frame keeps between passes.
@@ -79,8 +81,19 @@ impl Reach {
 impl DualCone {
     /// The method with the settings' block.
     pub fn new(settings: &Settings) -> Self {
+        let is_one_to_one = match settings.share {
+            // A denoiser takes noise that neighbours have in common for a part of the picture.
+            Share::Automatic => settings.denoise,
+            Share::All => false,
+            Share::Frames => true,
+        };
         Self {
-            half_block: settings.block as usize / 2,
+            half_block: if is_one_to_one {
+                0
+            } else {
+                settings.block as usize / 2
+            },
+            is_one_to_one,
         }
     }
 }
@@ -161,6 +174,7 @@ impl Estimator for DualCone {
             motions: &motions,
             classes: lent_classes(view),
             half_block: self.half_block,
+            is_one_to_one: self.is_one_to_one,
             kernel_floor: kernel_floor(iteration),
         };
         if iteration >= PILOT_ITERATIONS {
