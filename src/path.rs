@@ -292,14 +292,13 @@ impl<'a> Tracer<'a> {
         let accept = |hit: &Hit| self.stops(hit, ray, &info, &chance, &mut passed);
         let hit = self.accel.closest_hit_where(self.frame, ray, accept);
         let end = hit.map_or(f32::INFINITY, |hit| hit.t);
-        let surface = match passed.end_at(end, self.settings.transparent_max_bounces) {
+        let mut surface = match passed.end_at(end, self.settings.transparent_max_bounces) {
             Some(last) => Some(at(&last).blackened()),
             None => hit.as_ref().map(at),
         };
-        let surface = surface.map(|surface| {
-            let share = passed.share(surface.distance);
-            surface.behind(share)
-        });
+        if let Some(surface) = &mut surface {
+            surface.put_behind(passed.share(surface.distance));
+        }
         (surface, passed)
     }
 
@@ -331,7 +330,9 @@ impl<'a> Tracer<'a> {
         let (mut share, mut count) = (Vec3A::ONE, 0);
         let accept = |hit: &Hit| {
             let instance = hit.instance as usize;
-            if !self.frame.instances[instance].membership.stops(links) {
+            // Instances are large: few rays need to look at them.
+            let has_links = links.blockers != 0;
+            if has_links && !self.frame.instances[instance].membership.stops(links) {
                 return false;
             }
             if self.see_through.get(instance) != Some(&true) {

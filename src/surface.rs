@@ -59,13 +59,12 @@ impl Surface {
         }
     }
 
-    /// The same surface behind glass that lets this share of its light pass.
-    pub fn behind(mut self, share: Vec3A) -> Self {
+    /// Puts it behind glass that lets this share of its light pass.
+    pub fn put_behind(&mut self, share: Vec3A) {
         if share != Vec3A::ONE {
             self.bsdf.tint(share);
             self.emission *= share;
         }
-        self
     }
 
     /// The shading normal on the side of the surface that `direction` leaves to.
