@@ -152,9 +152,8 @@ class MotionTable:
         if ways.shape[1] == 0:
             return np.zeros(len(ways), bool)
         middle = ways[:, ways.shape[1] // 2, None]
-        differs = np.abs(ways - middle) > STILL * np.maximum(1.0, np.abs(middle))
         regular = ~is_singular(ways.reshape(-1, 3, 4)).reshape(ways.shape[:2])
-        return differs.any(axis=(1, 2, 3)) & regular.all(axis=1)
+        return differs(ways, middle).any(axis=(1, 2, 3)) & regular.all(axis=1)
 
     def _moving_meshes(self) -> Iterator[tuple[int, CachedMesh]]:
         """The shapes that change their form, by `id`, and their meshes in motion."""
@@ -162,7 +161,7 @@ class MotionTable:
         for name, found in self._positions.items():
             placed = shapes[name]
             base = self._base_positions(placed.shape)
-            moves = any((positions != base).any() for positions in found.values())
+            moves = any(differs(positions, base).any() for positions in found.values())
             if moves and name not in self._lost_shapes:
                 mesh = self.instances.meshes[placed.shape.mesh]
                 at_times = np.stack([found.get(time, base) for time in placed.times])
@@ -172,6 +171,11 @@ class MotionTable:
         content = hashlib.blake2b(mesh.digest, digest_size=16)
         content.update(positions)
         return self.cache.moving(mesh, content.digest(), positions)
+
+
+def differs(numbers: np.ndarray, base: np.ndarray) -> np.ndarray:
+    """Where numbers differ by more than rounding: hair passes through world space and back."""
+    return np.abs(numbers - base) > STILL * np.maximum(1.0, np.abs(base))
 
 
 def packed(rows: list[np.ndarray], ways: list[np.ndarray]) -> dict[str, np.ndarray]:
