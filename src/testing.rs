@@ -213,6 +213,13 @@ pub(crate) fn mesh(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Mesh {
     .unwrap()
 }
 
+/// A mesh around the origin, shaded as if it were a ball.
+pub(crate) fn smooth(mut mesh: Mesh) -> Mesh {
+    let normals = |triangle: &[u32; 3]| triangle.map(|i| mesh.vertices[i as usize].normalize());
+    mesh.corner_normals = Arc::new(mesh.triangles.iter().map(normals).collect());
+    mesh
+}
+
 /// The square from -1 to 1 in x and y, facing +Z.
 pub(crate) fn square() -> Mesh {
     let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];

@@ -11,7 +11,7 @@ use crate::scene::{
 };
 use crate::testing::{
     MAX_SCORE, SEEDS, Scene, Shoot, any_camera, camera, cube, diffuse, glass, glossy, glowing,
-    image_world, lacquer, mean_radiance, paper, plain_world, sphere, square,
+    image_world, lacquer, mean_radiance, paper, plain_world, smooth, sphere, square,
 };
 
 const METHODS: [Method; 5] = [
@@ -285,6 +285,28 @@ fn an_object_that_turns_far_keeps_its_light() {
     let bias = run(Method::DualCone).against(run(Method::Path));
     assert!(bias.mean.abs() < 0.003 + MAX_SCORE * bias.error, "{bias:?}");
     assert!(bias.error < 0.002, "{bias:?}");
+}
+
+/// A coarse ball with smooth normals: neighbours in one triangle gather over turned hemispheres, which
+/// their triangle does not tell.
+#[test]
+fn coarse_smooth_balls_keep_their_energy() {
+    let mut scene = Scene::new();
+    scene.world = plain_world(0.4);
+    scene.camera = camera(Vec3::new(0.0, -4.0, 2.0), Vec3::ZERO, 0.7);
+    scene.add(smooth(sphere(4)), Affine3A::IDENTITY, diffuse(0.8));
+    let frames = [scene.frame(0), scene.frame(1), scene.frame(2)];
+    let run = |method| {
+        let settings = Settings {
+            samples: 16,
+            film_transparent: true,
+            ..settings(method)
+        };
+        shoot(&frames, settings).mean_of(1, SEEDS)
+    };
+    let bias = run(Method::DualCone).against(run(Method::Path));
+    assert!(bias.mean.abs() < 5e-3 + MAX_SCORE * bias.error, "{bias:?}");
+    assert!(bias.error < 2e-3, "{bias:?}");
 }
 
 /// Yards seen by a lens with a wide aperture, along an axis, and all around.

@@ -5,8 +5,7 @@ use glam::Vec3A;
 use super::Memory;
 use super::gloss::{Gloss, LEAST_ALPHA, Lobe};
 use super::records::{
-    COSINE_LIMIT, Class, LENT_CLASSES, Light, Neighbours, TAN_BETA, UNIT, column, quantised,
-    wide_column,
+    COSINE_LIMIT, Class, LENT_CLASSES, Light, Neighbours, TAN_BETA, UNIT, column, wide_column,
 };
 use crate::film::{Lending, Pilot, PixelSums};
 use crate::kernel::vector::{LANES, Vector, Work, run_on_vectors};
@@ -39,14 +38,12 @@ pub fn kernel_floor(iteration: u32) -> f32 {
     KERNEL_FLOOR * ((iteration + 1) as f32).powf(-0.25)
 }
 
-/// The pixel that borrows, 28 bytes.
+/// How the pixel that borrows reflects, 22 bytes.
 #[derive(Clone, Copy, Default)]
 pub struct Receiver {
     /// Share of light that its Lambert part reflects, in units of 1 / [`ALBEDO_UNIT`].
     albedo: [u16; 3],
-    /// The shading normal of that part, in units of 1 / [`UNIT`].
-    normal: [i16; 3],
-    /// The glossy closure about that normal, if it is wide enough to borrow.
+    /// The glossy closure about the same normal, if it is wide enough to borrow.
     gloss: Gloss,
 }
 
@@ -60,7 +57,6 @@ impl Receiver {
         let albedo = surface.bsdf.albedo_lambert() * ALBEDO_UNIT;
         Self {
             albedo: albedo.to_array().map(|a| a.round() as u16),
-            normal: surface.bsdf.lambert_normal().to_array().map(quantised),
             gloss: gloss.map(Gloss::new).unwrap_or_default(),
         }
     }
@@ -72,10 +68,6 @@ impl Receiver {
 
     fn albedo(&self) -> Vec3A {
         Vec3A::from_array(self.albedo.map(f32::from)) / ALBEDO_UNIT
-    }
-
-    fn normal(&self) -> Vec3A {
-        Vec3A::from_array(self.normal.map(f32::from)) / UNIT
     }
 }
 
@@ -102,7 +94,7 @@ pub struct Borrow<'a> {
 /// What a pixel looks for in its neighbours.
 struct Block {
     position: Vec3A,
-    geometric_normal: Vec3A,
+    /// The shading normal of the Lambert part: light is gathered about it.
     normal: Vec3A,
     object: f32,
     /// Direction to the viewer.
@@ -266,13 +258,13 @@ impl Borrow<'_> {
         if normal == [0; 3] {
             return None;
         }
-        let geometric_normal = Vec3A::from_array(normal.map(f32::from)) / UNIT;
+        let normal = Vec3A::from_array(normal.map(f32::from)) / UNIT;
         let position =
             Vec3A::from_array([0, 1, 2].map(|axis| wide.get(wide_column::POSITION + axis, x)));
         let view = &self.views[self.target];
         let camera = &view.tracer.frame.camera;
         let wo = camera.direction_from(position);
-        let cosine = geometric_normal.dot(wo).abs().max(VIEW_COSINE);
+        let cosine = normal.dot(wo).abs().max(VIEW_COSINE);
         let pixel_size =
             camera.pixel_size(camera.depth(position), view.region.frame_width) / cosine;
         let side = self.half_block as f32 + 0.7;
@@ -284,8 +276,7 @@ impl Borrow<'_> {
         let receiver = self.receiver(x, y);
         Some(Block {
             position,
-            geometric_normal,
-            normal: receiver.normal(),
+            normal,
             object: wide.get(wide_column::OBJECT, x),
             wo,
             gloss: receiver.gloss,
@@ -379,7 +370,6 @@ impl Borrow<'_> {
 /// [`Block`] and [`Place`] in every lane.
 struct Wanted<V> {
     position: [V; 3],
-    geometric_normal: [V; 3],
     normal: [V; 3],
     /// Of valid records, if they must be of one object.
     object: Option<V>,
@@ -396,7 +386,6 @@ impl<V: Vector> Wanted<V> {
         Self {
             position: vector(place.position),
             // Records hold whole numbers.
-            geometric_normal: vector(block.geometric_normal / UNIT),
             normal: vector(block.normal / UNIT),
             object: place.is_of_object.then(|| V::splat(block.object)),
             distance_squared: V::splat(block.distance_squared),
@@ -466,7 +455,7 @@ impl<V: Vector> Sums<V> {
         };
         let offset = std::array::from_fn(|axis| position[axis] - wanted.position[axis]);
         let distance_squared = dot(offset, offset);
-        let turned = dot(normal, wanted.geometric_normal);
+        let turned = dot(normal, wanted.normal);
         let mut valid = distance_squared.at_most(wanted.distance_squared)
             & V::splat(NORMAL_COSINE).at_most(turned)
             & inside;

@@ -94,7 +94,7 @@ impl Record {
     pub fn at(surface: &Surface, object: u32) -> Self {
         Self {
             position: surface.position,
-            normal: surface.geometric_normal,
+            normal: surface.bsdf.lambert_normal(),
             direction: surface.geometric_normal,
             object,
             ..Self::default()
