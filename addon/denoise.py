@@ -32,6 +32,7 @@ _IMAGE = (_POINTER, _TEXT, _POINTER, ctypes.c_int, *[_SIZE] * 5)
 # Function: result and arguments.
 _FUNCTIONS = {
     "oidnNewDevice": (_POINTER, (ctypes.c_int,)),
+    "oidnSetDeviceBool": (None, (_POINTER, _TEXT, ctypes.c_bool)),
     "oidnCommitDevice": (None, (_POINTER,)),
     "oidnGetDeviceError": (ctypes.c_int, (_POINTER, ctypes.POINTER(_TEXT))),
     "oidnNewFilter": (_POINTER, (_POINTER, _TEXT)),
@@ -74,6 +75,9 @@ def _library() -> ctypes.CDLL:
 @cache
 def _device() -> int:
     device = _library().oidnNewDevice(CPU_DEVICE)
+    # To bind its threads to cores it asks Blender's TBB with the tables of its own: in a Blender
+    # without denoiser (Debian's 5.2) that crashed.
+    _library().oidnSetDeviceBool(device, b"setAffinity", False)
     _library().oidnCommitDevice(device)
     _check(device)
     return device
