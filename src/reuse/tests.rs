@@ -309,6 +309,35 @@ fn coarse_smooth_balls_keep_their_energy() {
     assert!(bias.error < 2e-3, "{bias:?}");
 }
 
+/// Black tiles look for no light: were that lent as darkness, white tiles beside them would be darker.
+#[test]
+fn what_is_black_lends_no_darkness() {
+    let mut scene = Scene::new();
+    scene.world = plain_world(0.4);
+    scene.camera = camera(Vec3::new(0.0, -3.0, 4.0), Vec3::ZERO, 0.7);
+    for column in 0..12_i16 {
+        let place = Vec3::new(f32::from(column) * 0.4 - 2.2, 0.0, 0.0);
+        let stripe = Affine3A::from_scale_rotation_translation(
+            Vec3::new(0.2, 3.0, 1.0),
+            glam::Quat::IDENTITY,
+            place,
+        );
+        let white = f32::from(column % 2);
+        scene.add(square(), stripe, diffuse(0.8 * white));
+    }
+    let frames = [scene.frame(0), scene.frame(1), scene.frame(2)];
+    let run = |method| {
+        let settings = Settings {
+            film_transparent: true,
+            ..settings(method)
+        };
+        shoot(&frames, settings).mean_of(1, SEEDS)
+    };
+    let bias = run(Method::DualCone).against(run(Method::Path));
+    assert!(bias.mean.abs() < 2e-3 + MAX_SCORE * bias.error, "{bias:?}");
+    assert!(bias.error < 2e-3, "{bias:?}");
+}
+
 /// Yards seen by a lens with a wide aperture, along an axis, and all around.
 fn yards_by_other_cameras() -> Vec<(&'static str, Vec<Arc<SceneFrame>>)> {
     let wide = Lens {

@@ -66,7 +66,9 @@ impl<'a> Pass<'a> {
         let shot = self.view.shoot(x, y, self.iteration);
         let mut sample = PixelSample::default();
         let mut own = shot.radiance;
-        let shares = |s: &Surface| s.bsdf.probability_lambert() >= LEAST_LAMBERT;
+        // What is black looks for no light, so its dark records would say nothing.
+        let shares =
+            |s: &Surface| !s.bsdf.is_black() && s.bsdf.probability_lambert() >= LEAST_LAMBERT;
         let mut effective_samples = 1.0;
         match &shot.surface {
             None => {}
