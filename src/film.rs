@@ -159,55 +159,6 @@ pub struct Film {
     pixels: Vec<PixelSums>,
     samples: u32,
     noise: Option<NoiseMeter>,
-    /// From where each pixel borrows; empty where none does.
-    pub lending: Vec<Lending>,
-    /// What the first iteration brought, until it was judged; empty before and after.
-    pub pilot: Vec<Pilot>,
-    /// How far what pixels borrow is from what they find themselves; empty where none borrows.
-    pub drift: Drift,
-}
-
-/// Luminance of pixels' own light less that of what they borrowed, over the iterations.
-#[derive(Default)]
-pub struct Drift {
-    /// Sum of each pixel.
-    pub sums: Vec<f32>,
-    /// Each sum when the number of iterations was last a power of two; the halves tell the noise.
-    pub first_half: Vec<f32>,
-}
-
-/// Whose samples a pixel takes beside its own.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Lending {
-    /// Nobody's.
-    #[default]
-    None,
-    /// Those of its frame.
-    Frame,
-    /// Those of the frames around it too.
-    Window,
-}
-
-/// Luminance of a pixel's sum by each way to take samples.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Pilot {
-    /// [`Lending::Window`].
-    pub window: f32,
-    /// [`Lending::Frame`].
-    pub frame: f32,
-    /// [`Lending::None`].
-    pub own: f32,
-}
-
-impl Pilot {
-    /// All without what was there before.
-    pub fn less(self, before: f32) -> Self {
-        Self {
-            window: self.window - before,
-            frame: self.frame - before,
-            own: self.own - before,
-        }
-    }
 }
 
 /// How the noise of a frame is measured: by the difference of two halves of its iterations. Pixels
@@ -269,9 +220,6 @@ impl Film {
             pixels: vec![PixelSums::default(); region.width * region.height],
             samples: 0,
             noise: None,
-            lending: Vec::new(),
-            pilot: Vec::new(),
-            drift: Drift::default(),
         }
     }
 
@@ -291,11 +239,6 @@ impl Film {
     /// The rows, from the lowest.
     pub fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [PixelSums]> {
         self.pixels.par_chunks_exact_mut(self.region.width)
-    }
-
-    /// All pixels, from where they borrow, and how far that leads them.
-    pub fn pixels_and_lending(&mut self) -> (&mut [PixelSums], &[Lending], &mut Drift) {
-        (&mut self.pixels, &self.lending, &mut self.drift)
     }
 
     /// Counts an iteration that is complete in every pixel.
@@ -322,7 +265,7 @@ impl Film {
     }
 
     /// The numbers of a pass of the contract, pixel by pixel from the lower left, channels together;
-    /// empty for a name that the contract does not have.
+    /// empty for a name that the contract does not have, and for what only an estimator knows.
     pub fn resolve(&self, pass: &str) -> Vec<f32> {
         let mean = 1.0 / self.samples.max(1) as f32;
         let each = |channels: fn(&PixelSums, f32) -> Vec3A| {
@@ -338,13 +281,6 @@ impl Film {
             "Normal" => each(|p, mean| Vec3A::from(p.normal) * mean),
             "Albedo" => each(|p, mean| Vec3A::from(p.albedo) * mean),
             "Sample Count" => vec![self.samples as f32; self.pixels.len()],
-            "Borrowing" => {
-                let lending = |index| self.lending.get(index).copied().unwrap_or_default();
-                let pixels = 0..self.pixels.len();
-                pixels
-                    .map(|index| 0.5 * lending(index) as u8 as f32)
-                    .collect()
-            }
             "Effective Samples" => self.pixels.iter().map(|p| p.effective_samples).collect(),
             _ => Vec::new(),
         }
@@ -362,10 +298,8 @@ impl Film {
 
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
-        // Of the drift, which takes the place of the pilot.
-        let drift = 2 * size_of::<f32>();
         let halves = self.noise.as_ref().map_or(0, |_| size_of::<f32>());
-        self.pixels.len() * (size_of::<PixelSums>() + size_of::<Lending>() + drift + halves)
+        self.pixels.len() * (size_of::<PixelSums>() + halves)
     }
 }
 

@@ -12,7 +12,7 @@ use crate::film::{Film, Region, pixel_filter};
 use crate::path::Tracer;
 use crate::progress::{Phase, Progress};
 use crate::reuse::{
-    Estimator, LightTree, View, WithEstimator, lenders, window_frames, with_estimator,
+    Estimator, LightTree, Sharing, View, WithEstimator, lenders, window_frames, with_estimator,
 };
 use crate::sampling::{LightSampler, ShutterTimes};
 use crate::scene::{FrameWindow, Instance, SceneFrame, Visibility};
@@ -194,10 +194,12 @@ struct Iterations<'a> {
 }
 
 /// A frame that is rendered: its place in the window, those of its lenders, its film.
-struct Target {
+struct Target<H> {
     index: usize,
     lenders: Vec<usize>,
     film: Film,
+    /// What the estimator keeps of it.
+    history: H,
     /// Whether it is clean enough.
     is_done: bool,
 }
@@ -212,9 +214,11 @@ impl WithEstimator for Iterations<'_> {
             .iter()
             .map(|_| estimator.memory(region))
             .collect();
-        let mut targets = self.targets()?;
+        let mut targets = self.targets(estimator)?;
         let records: usize = memories.iter().map(|m| estimator.memory_bytes(m)).sum();
-        let films: usize = targets.iter().map(|t| t.film.memory_bytes()).sum();
+        let target_bytes =
+            |t: &Target<_>| t.film.memory_bytes() + estimator.history_bytes(&t.history);
+        let films: usize = targets.iter().map(target_bytes).sum();
         let scenes: usize = self
             .views
             .iter()
@@ -231,15 +235,16 @@ impl WithEstimator for Iterations<'_> {
             let sharing = Instant::now();
             pass_1 += sharing - sampling;
             for target in targets.iter_mut().filter(|target| !target.is_done) {
-                let Target {
-                    index,
-                    lenders,
-                    film,
-                    is_done,
-                } = target;
-                estimator.share(self.views, &memories, *index, lenders, iteration, film)?;
-                film.count_iteration();
-                *is_done = self.is_clean(film);
+                let sharing = Sharing {
+                    views: self.views,
+                    memories: &memories,
+                    target: target.index,
+                    lenders: &target.lenders,
+                    iteration,
+                };
+                estimator.share(&sharing, &mut target.history, &mut target.film)?;
+                target.film.count_iteration();
+                target.is_done = self.is_clean(&target.film);
             }
             pass_2 += sharing.elapsed();
             self.progress.count_iteration();
@@ -260,13 +265,13 @@ impl WithEstimator for Iterations<'_> {
         self.progress.enter(Phase::Resolve);
         Ok(targets
             .iter()
-            .map(|target| self.rendered(target, report))
+            .map(|target| self.rendered(estimator, target, report))
             .collect())
     }
 }
 
 impl Iterations<'_> {
-    fn targets(&self) -> Result<Vec<Target>> {
+    fn targets<E: Estimator>(&self, estimator: &E) -> Result<Vec<Target<E::History>>> {
         let window = self.views[0].window;
         let mut frames = self.job.targets.clone();
         frames.sort_unstable();
@@ -282,6 +287,7 @@ impl Iterations<'_> {
                 index,
                 lenders: positions.filter(|&l| self.is_one_shot(index, l)).collect(),
                 film: self.film(),
+                history: estimator.history(self.views[0].region),
                 is_done: false,
             }
         };
@@ -316,7 +322,7 @@ impl Iterations<'_> {
         estimator: &E,
         iteration: u32,
         memories: &mut [E::Memory],
-        targets: &mut [Target],
+        targets: &mut [Target<E::History>],
     ) -> Result<()> {
         let mut films: Vec<Option<&mut Film>> = self.views.iter().map(|_| None).collect();
         let mut is_needed = vec![false; self.views.len()];
@@ -336,20 +342,27 @@ impl Iterations<'_> {
         limit > 0.0 && start.elapsed().as_secs_f32() > limit
     }
 
-    fn answer_preview(&self, targets: &[Target]) {
+    fn answer_preview<H>(&self, targets: &[Target<H>]) {
         if let Some(frame) = self.progress.wanted_preview() {
-            let shows = |t: &&Target| self.views[t.index].tracer.frame.frame == frame;
+            let shows = |t: &&Target<H>| self.views[t.index].tracer.frame.frame == frame;
             if let Some(target) = targets.iter().find(shows) {
                 self.progress.show_preview(frame, target.film.combined());
             }
         }
     }
 
-    fn rendered(&self, target: &Target, report: Report) -> Rendered {
+    fn rendered<E: Estimator>(
+        &self,
+        estimator: &E,
+        target: &Target<E::History>,
+        report: Report,
+    ) -> Rendered {
         let start = Instant::now();
-        let passes = PASSES
-            .iter()
-            .map(|pass| (pass.name, target.film.resolve(pass.name)));
+        let numbers = |pass: &str| match pass {
+            "Borrowing" => estimator.borrowing(&target.history, target.film.region),
+            _ => target.film.resolve(pass),
+        };
+        let passes = PASSES.iter().map(|pass| (pass.name, numbers(pass.name)));
         let passes = passes.collect();
         Rendered {
             frame: self.views[target.index].tracer.frame.frame,

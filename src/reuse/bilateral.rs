@@ -10,7 +10,7 @@
 use glam::Vec3A;
 use rayon::prelude::*;
 
-use super::{Estimator, View};
+use super::{Estimator, Sharing, View};
 use crate::contract::Settings;
 use crate::error::Result;
 use crate::film::{Film, Region};
@@ -88,6 +88,7 @@ fn likeness(center: &Pixel, neighbour: &Pixel) -> f32 {
 
 impl Estimator for Bilateral {
     type Memory = Vec<Pixel>;
+    type History = ();
 
     fn memory(&self, region: Region) -> Self::Memory {
         vec![Pixel::default(); region.width * region.height]
@@ -96,6 +97,8 @@ impl Estimator for Bilateral {
     fn memory_bytes(&self, memory: &Self::Memory) -> usize {
         size_of_val(&memory[..])
     }
+
+    fn history(&self, _: Region) {}
 
     fn sample(
         &self,
@@ -119,16 +122,8 @@ impl Estimator for Bilateral {
         })
     }
 
-    fn share(
-        &self,
-        views: &[View],
-        memories: &[Self::Memory],
-        target: usize,
-        _: &[usize],
-        _: u32,
-        film: &mut Film,
-    ) -> Result<()> {
-        let (view, pixels) = (&views[target], &memories[target]);
+    fn share(&self, sharing: &Sharing<Self::Memory>, (): &mut (), film: &mut Film) -> Result<()> {
+        let (view, pixels) = (sharing.view(), &sharing.memories[sharing.target]);
         let width = view.region.width;
         view.for_rows(film.rows_mut(), |y, row| {
             for (x, sum) in row.iter_mut().enumerate() {

@@ -18,7 +18,7 @@ use glam::Vec3A;
 use rayon::prelude::*;
 
 use self::cache::{Cache, Hemisphere, Place, RINGS, SECTORS};
-use super::{Estimator, Shot, View};
+use super::{Estimator, Sharing, Shot, View};
 use crate::error::Result;
 use crate::film::{Film, Region};
 use crate::math::Frame;
@@ -44,6 +44,7 @@ pub struct Memory {
 
 impl Estimator for IrradianceCache {
     type Memory = Memory;
+    type History = ();
 
     fn memory(&self, region: Region) -> Memory {
         let pixels = region.width * region.height;
@@ -56,6 +57,8 @@ impl Estimator for IrradianceCache {
     fn memory_bytes(&self, memory: &Memory) -> usize {
         size_of_val(&memory.surfaces[..]) + memory.cache.memory_bytes()
     }
+
+    fn history(&self, _: Region) {}
 
     fn sample(
         &self,
@@ -79,16 +82,8 @@ impl Estimator for IrradianceCache {
         fill(view, iteration, memory)
     }
 
-    fn share(
-        &self,
-        views: &[View],
-        memories: &[Memory],
-        target: usize,
-        _: &[usize],
-        _: u32,
-        film: &mut Film,
-    ) -> Result<()> {
-        let (view, memory) = (&views[target], &memories[target]);
+    fn share(&self, sharing: &Sharing<Memory>, (): &mut (), film: &mut Film) -> Result<()> {
+        let (view, memory) = (sharing.view(), &sharing.memories[sharing.target]);
         let surfaces = memory.surfaces.par_chunks(view.region.width);
         let rows = film.rows_mut().zip(surfaces);
         view.for_rows(rows, |_, (sums, surfaces)| {

@@ -201,6 +201,27 @@ fn film_rows(
     rows.into_par_iter()
 }
 
+/// The samples of one iteration, and a frame that may borrow them.
+pub struct Sharing<'a, M> {
+    /// The frames of the window.
+    pub views: &'a [View<'a>],
+    /// What the first pass left of each.
+    pub memories: &'a [M],
+    /// The frame that borrows, a position in the window.
+    pub target: usize,
+    /// The frames that lend, itself among them.
+    pub lenders: &'a [usize],
+    /// The iteration.
+    pub iteration: u32,
+}
+
+impl<'a, M> Sharing<'a, M> {
+    /// The frame that borrows.
+    pub fn view(&self) -> &'a View<'a> {
+        &self.views[self.target]
+    }
+}
+
 /// A way to render.
 ///
 /// What an estimator adds to a film may depend on the frame and its lenders, on the pixel and the
@@ -208,12 +229,27 @@ fn film_rows(
 pub trait Estimator: Sync {
     /// What a frame keeps from one pass to the next.
     type Memory: Send + Sync;
+    /// What a frame that is rendered keeps from one iteration to the next.
+    type History;
 
     /// Fresh memory for a frame.
     fn memory(&self, region: Region) -> Self::Memory;
 
     /// Bytes that memory takes.
     fn memory_bytes(&self, memory: &Self::Memory) -> usize;
+
+    /// A fresh history of a frame.
+    fn history(&self, region: Region) -> Self::History;
+
+    /// Bytes that a history takes.
+    fn history_bytes(&self, _: &Self::History) -> usize {
+        0
+    }
+
+    /// The pass "Borrowing": 1 where a pixel borrows from all frames, 0.5 from its own, 0 from none.
+    fn borrowing(&self, _: &Self::History, region: Region) -> Vec<f32> {
+        vec![0.0; region.width * region.height]
+    }
 
     /// First pass of an iteration over one frame. Only targets have a film.
     ///
@@ -227,18 +263,14 @@ pub trait Estimator: Sync {
         film: Option<&mut Film>,
     ) -> Result<()>;
 
-    /// Second pass: what frame `target` borrows from its `lenders`, positions in the window that
-    /// include its own.
+    /// Second pass: what a frame borrows.
     ///
     /// # Errors
     /// [`Error::Cancelled`].
     fn share(
         &self,
-        views: &[View],
-        memories: &[Self::Memory],
-        target: usize,
-        lenders: &[usize],
-        iteration: u32,
+        sharing: &Sharing<Self::Memory>,
+        history: &mut Self::History,
         film: &mut Film,
     ) -> Result<()>;
 }

@@ -36,7 +36,7 @@
 use glam::Vec3A;
 use rayon::prelude::*;
 
-use super::{Estimator, View, film_rows};
+use super::{Estimator, Sharing, View, film_rows};
 use crate::contract::{Recheck, Settings};
 use crate::error::Result;
 use crate::film::{Film, Region};
@@ -106,6 +106,7 @@ impl Paper {
 
 impl Estimator for Paper {
     type Memory = RecordBuffer;
+    type History = ();
 
     fn memory(&self, region: Region) -> RecordBuffer {
         RecordBuffer::new(self.columns(), region.width, region.height)
@@ -116,6 +117,8 @@ impl Estimator for Paper {
     }
 
     /// Pass 1 of section 4.3.
+    fn history(&self, _: Region) {}
+
     fn sample(
         &self,
         view: &View,
@@ -142,17 +145,10 @@ impl Estimator for Paper {
     }
 
     /// Pass 2 of section 4.3.
-    fn share(
-        &self,
-        views: &[View],
-        memories: &[RecordBuffer],
-        target: usize,
-        lenders: &[usize],
-        iteration: u32,
-        film: &mut Film,
-    ) -> Result<()> {
-        let view = &views[target];
-        let lenders: Vec<&RecordBuffer> = lenders.iter().map(|&index| &memories[index]).collect();
+    fn share(&self, sharing: &Sharing<RecordBuffer>, (): &mut (), film: &mut Film) -> Result<()> {
+        let (view, iteration) = (sharing.view(), sharing.iteration);
+        let lenders = sharing.lenders.iter();
+        let lenders: Vec<&RecordBuffer> = lenders.map(|&index| &sharing.memories[index]).collect();
         view.for_rows(film.rows_mut(), |y, pixels| {
             for (x, pixel) in pixels.iter_mut().enumerate() {
                 let shot = view.shoot(x, y, iteration | SECOND_PASS);

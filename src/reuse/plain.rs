@@ -6,7 +6,7 @@
 
 use glam::Vec3A;
 
-use super::{Estimator, View};
+use super::{Estimator, Sharing, View};
 use crate::contract::Settings;
 use crate::error::Result;
 use crate::film::{Film, PixelSums, Region};
@@ -28,12 +28,15 @@ impl Plain {
 
 impl Estimator for Plain {
     type Memory = ();
+    type History = ();
 
     fn memory(&self, _: Region) -> Self::Memory {}
 
     fn memory_bytes(&self, (): &Self::Memory) -> usize {
         0
     }
+
+    fn history(&self, _: Region) {}
 
     fn sample(
         &self,
@@ -50,15 +53,7 @@ impl Estimator for Plain {
         })
     }
 
-    fn share(
-        &self,
-        _: &[View],
-        _: &[()],
-        _: usize,
-        _: &[usize],
-        _: u32,
-        _: &mut Film,
-    ) -> Result<()> {
+    fn share(&self, _: &Sharing<()>, (): &mut (), _: &mut Film) -> Result<()> {
         Ok(())
     }
 }

@@ -3,15 +3,16 @@
 use glam::Vec3A;
 
 use super::Memory;
-use super::gloss::{Gloss, LEAST_ALPHA, Lobe};
+use super::gloss::{Gloss, LEAST_ALPHA, Lobe, Share};
 use super::records::{
     COSINE_LIMIT, Class, LENT_CLASSES, Light, Neighbours, TAN_BETA, UNIT, column, wide_column,
 };
-use crate::film::{Lending, Pilot, PixelSums};
+use super::veto::{Lending, Pilot};
+use crate::film::PixelSums;
 use crate::kernel::vector::{LANES, Vector, Work, run_on_vectors};
 use crate::math::luminance;
 use crate::record::PADDING;
-use crate::reuse::View;
+use crate::reuse::Sharing;
 use crate::sampling;
 use crate::scene::Motion;
 use crate::surface::Surface;
@@ -41,22 +42,17 @@ pub fn kernel_floor(iteration: u32) -> f32 {
 /// How the pixel that borrows reflects, 22 bytes.
 #[derive(Clone, Copy, Default)]
 pub struct Receiver {
-    /// Share of light that its Lambert part reflects, in units of 1 / [`ALBEDO_UNIT`].
-    albedo: [u16; 3],
+    /// Share of light that its Lambert part reflects.
+    albedo: Share,
     /// The glossy closure about the same normal, if it is wide enough to borrow.
     gloss: Gloss,
 }
 
-/// What an albedo of one is kept as. Colours up to four are kept, and black is exact.
-const ALBEDO_UNIT: f32 = 16383.0;
-
 impl Receiver {
     /// What a surface needs to borrow.
     pub fn at(surface: &Surface, gloss: Option<&sampling::Gloss>) -> Self {
-        // The cast saturates.
-        let albedo = surface.bsdf.albedo_lambert() * ALBEDO_UNIT;
         Self {
-            albedo: albedo.to_array().map(|a| a.round() as u16),
+            albedo: Share::new(surface.bsdf.albedo_lambert()),
             gloss: gloss.map(Gloss::new).unwrap_or_default(),
         }
     }
@@ -65,20 +61,11 @@ impl Receiver {
     pub fn gloss(surface: &Surface) -> Option<sampling::Gloss> {
         surface.bsdf.gloss(LEAST_ALPHA).filter(Gloss::fits)
     }
-
-    fn albedo(&self) -> Vec3A {
-        Vec3A::from_array(self.albedo.map(f32::from)) / ALBEDO_UNIT
-    }
 }
 
 /// The frames of one borrowing pass.
 pub struct Borrow<'a> {
-    pub views: &'a [View<'a>],
-    pub memories: &'a [Memory],
-    /// The frame that borrows.
-    pub target: usize,
-    /// The frames that lend, the target among them.
-    pub lenders: &'a [usize],
+    pub sharing: &'a Sharing<'a, Memory>,
     /// Per lender and object: what carries the target's points to the lender.
     pub motions: &'a [Vec<Motion>],
     /// Classes that the frame's light may be of.
@@ -186,9 +173,10 @@ impl Borrow<'_> {
         let Some(block) = self.block(x, y) else {
             return Pilot::default();
         };
-        let albedo = self.receiver(x, y).albedo();
+        let albedo = self.receiver(x, y).albedo.color();
         let reflected = |sums: &Sums<V>| albedo * sums.irradiance() + sums.gloss();
-        let own = reflected(&self.own::<V>(&block, x, y));
+        let mut wanted = Wanted::<V>::new(&block);
+        let own = reflected(&self.own(&wanted, x, y));
         if lending == Lending::None {
             pixel.add_radiance(own);
             pixel.add_effective_samples(1.0);
@@ -200,14 +188,14 @@ impl Borrow<'_> {
             };
         }
         let mut sums = Sums::<V>::new();
-        let is_own = |lender: &usize| self.lenders[*lender] == self.target;
-        for lender in (0..self.lenders.len()).filter(is_own) {
-            self.add_lender(&block, lender, x, y, &mut sums);
+        let is_own = |lender: &usize| self.sharing.lenders[*lender] == self.sharing.target;
+        for lender in (0..self.sharing.lenders.len()).filter(is_own) {
+            self.add_lender(&block, lender, x, y, &mut wanted, &mut sums);
         }
         let frame = reflected(&sums);
         if lending == Lending::Window {
-            for lender in (0..self.lenders.len()).filter(|lender| !is_own(lender)) {
-                self.add_lender(&block, lender, x, y, &mut sums);
+            for lender in (0..self.sharing.lenders.len()).filter(|lender| !is_own(lender)) {
+                self.add_lender(&block, lender, x, y, &mut wanted, &mut sums);
             }
         }
         let borrowed = reflected(&sums);
@@ -222,37 +210,26 @@ impl Borrow<'_> {
 
     /// The pixel's own record alone.
     #[inline(always)]
-    fn own<V: Vector>(&self, block: &Block, x: usize, y: usize) -> Sums<V> {
-        let rows = self.memories[self.target].records.rows(y);
+    fn own<V: Vector>(&self, wanted: &Wanted<V>, x: usize, y: usize) -> Sums<V> {
+        let rows = self.sharing.memories[self.sharing.target].records.rows(y);
         let neighbours = Neighbours::new(rows, x as i64);
         let mut sums = Sums::new();
         let first = V::load(&LANE).at_most(V::splat(0.5));
-        let place = Place {
-            position: block.position,
-            x: x as i64,
-            y: y as i64,
-            is_of_object: false,
-        };
-        sums.add(
-            &Wanted::new(block, &place),
-            &neighbours,
-            first,
-            self.classes,
-        );
+        sums.add(wanted, &neighbours, first, self.classes);
         sums
     }
 
     fn receiver(&self, x: usize, y: usize) -> &Receiver {
-        &self.memories[self.target].receivers[y * self.width() + x]
+        &self.sharing.memories[self.sharing.target].receivers[y * self.width() + x]
     }
 
     fn width(&self) -> usize {
-        self.views[self.target].region.width
+        self.sharing.view().region.width
     }
 
     /// The block around a pixel, or `None` where it shows no surface.
     fn block(&self, x: usize, y: usize) -> Option<Block> {
-        let memory = &self.memories[self.target];
+        let memory = &self.sharing.memories[self.sharing.target];
         let (wide, narrow) = memory.records.rows(y);
         let normal = [0, 1, 2].map(|axis| narrow.get(column::NORMAL + axis, x));
         if normal == [0; 3] {
@@ -261,7 +238,7 @@ impl Borrow<'_> {
         let normal = Vec3A::from_array(normal.map(f32::from)) / UNIT;
         let position =
             Vec3A::from_array([0, 1, 2].map(|axis| wide.get(wide_column::POSITION + axis, x)));
-        let view = &self.views[self.target];
+        let view = self.sharing.view();
         let camera = &view.tracer.frame.camera;
         let wo = camera.direction_from(position);
         let cosine = normal.dot(wo).abs().max(VIEW_COSINE);
@@ -291,8 +268,8 @@ impl Borrow<'_> {
     /// object has turned too far, their normals say that they looked elsewhere.
     fn place(&self, block: &Block, lender: usize, x: usize, y: usize) -> Option<Place> {
         let half = self.half_block as i64;
-        let frame = self.lenders[lender];
-        if frame == self.target {
+        let frame = self.sharing.lenders[lender];
+        if frame == self.sharing.target {
             return Some(Place {
                 position: block.position,
                 x: x as i64 - half,
@@ -305,11 +282,11 @@ impl Borrow<'_> {
             Motion::Still => (block.position, false),
             Motion::Rigid(matrix) => (matrix.transform_point3a(block.position), true),
         };
-        let view = &self.views[frame];
+        let view = &self.sharing.views[frame];
         let there = view.tracer.frame.camera.project(position)?;
         let (x, y) = if self.is_one_to_one {
             // Projected one by one, the scattered samples of two pixels would meet the same one.
-            let camera = &self.views[self.target].tracer.frame.camera;
+            let camera = self.sharing.view().tracer.frame.camera;
             let (dx, dy) = view.region.shift(camera.project(block.position)?, there);
             (x as i64 + dx, y as i64 + dy)
         } else {
@@ -334,24 +311,25 @@ impl Borrow<'_> {
         lender: usize,
         x: usize,
         y: usize,
+        wanted: &mut Wanted<V>,
         sums: &mut Sums<V>,
     ) {
         let Some(place) = self.place(block, lender, x, y) else {
             return;
         };
         let side = 2 * self.half_block + 1;
-        let wanted = Wanted::new(block, &place);
-        let frame = self.lenders[lender];
+        wanted.move_to(block, &place);
+        let frame = self.sharing.lenders[lender];
         let classes = self.classes_from(frame);
-        let height = self.views[frame].region.height as i64;
+        let height = self.sharing.views[frame].region.height as i64;
         let first = place.y.clamp(0, height);
         let last = (place.y + side as i64).clamp(0, height);
         for y in first..last {
-            let rows = self.memories[frame].records.rows(y as usize);
+            let rows = self.sharing.memories[frame].records.rows(y as usize);
             for start in (0..side).step_by(LANES) {
                 let inside = V::load(&LANE).at_most(V::splat((side - start) as f32 - 0.5));
                 let neighbours = Neighbours::new(rows, place.x + start as i64);
-                sums.add(&wanted, &neighbours, inside, classes);
+                sums.add(wanted, &neighbours, inside, classes);
             }
         }
     }
@@ -360,14 +338,14 @@ impl Borrow<'_> {
     /// those of other frames would show as ghosts.
     fn classes_from(&self, frame: usize) -> [bool; LENT_CLASSES] {
         let mut classes = self.classes;
-        if self.is_one_to_one && frame != self.target {
+        if self.is_one_to_one && frame != self.sharing.target {
             classes[Class::Narrow as usize] = false;
         }
         classes
     }
 }
 
-/// [`Block`] and [`Place`] in every lane.
+/// [`Block`] in every lane, and where it lies in the lender at hand.
 struct Wanted<V> {
     position: [V; 3],
     normal: [V; 3],
@@ -380,20 +358,32 @@ struct Wanted<V> {
 }
 
 impl<V: Vector> Wanted<V> {
+    /// In the block's own frame.
     #[inline(always)]
-    fn new(block: &Block, place: &Place) -> Self {
-        let vector = |v: Vec3A| v.to_array().map(V::splat);
+    fn new(block: &Block) -> Self {
         Self {
-            position: vector(place.position),
+            position: splats(block.position),
             // Records hold whole numbers.
-            normal: vector(block.normal / UNIT),
-            object: place.is_of_object.then(|| V::splat(block.object)),
+            normal: splats(block.normal / UNIT),
+            object: None,
             distance_squared: V::splat(block.distance_squared),
             inverse_radius_squared: block.inverse_radius_squared.map(V::splat),
             lobe: (block.gloss.is_some())
                 .then(|| Lobe::new(&block.gloss, block.normal, block.wo, block.gloss_radius)),
         }
     }
+
+    #[inline(always)]
+    fn move_to(&mut self, block: &Block, place: &Place) {
+        self.position = splats(place.position);
+        self.object = place.is_of_object.then(|| V::splat(block.object));
+    }
+}
+
+/// A vector in every lane.
+#[inline(always)]
+pub fn splats<V: Vector>(vector: Vec3A) -> [V; 3] {
+    vector.to_array().map(V::splat)
 }
 
 /// The part of a uniform sky's irradiance that records of a neighbour bring whose normal has this

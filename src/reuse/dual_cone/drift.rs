@@ -20,9 +20,9 @@
 
 use rayon::prelude::*;
 
-use crate::film::{Drift, Lending, Region};
-
 use super::PILOT_ITERATIONS;
+use super::veto::Lending;
+use crate::film::Region;
 
 /// Iterations before the first decision: fewer say little, and borrow too little where they err.
 const DECIDE_FROM: u32 = 32;
@@ -32,42 +32,52 @@ const END: f32 = 2.5;
 /// Half the side of the square of pixels that are judged together.
 const HALF: usize = 2;
 
-/// No drift yet.
-pub fn none(region: Region) -> Drift {
-    let zeros = vec![0.0; region.width * region.height];
-    Drift {
-        sums: zeros.clone(),
-        first_half: zeros,
-    }
+/// Luminance of pixels' own light less that of what they borrowed, over the iterations.
+pub struct Drift {
+    /// Sum of each pixel.
+    pub sums: Vec<f32>,
+    /// Each sum when the number of iterations was last a power of two; the halves tell the noise.
+    first_half: Vec<f32>,
 }
 
-/// Each time the iterations have doubled, stops the borrowing of pixels to which it has surely
-/// brought as much bias as it is worth.
-pub fn look(region: Region, iterations: u32, drift: &mut Drift, lending: &mut [Lending]) {
-    if !iterations.is_power_of_two() {
-        return;
+impl Drift {
+    /// None yet.
+    pub fn new(region: Region) -> Self {
+        let zeros = vec![0.0; region.width * region.height];
+        Self {
+            sums: zeros.clone(),
+            first_half: zeros,
+        }
     }
-    if iterations >= DECIDE_FROM {
-        stop(region, &excesses(iterations, drift), lending);
-    }
-    drift.first_half.copy_from_slice(&drift.sums);
-}
 
-/// By how much the squared mean of D exceeds the limit in each pixel.
-fn excesses(iterations: u32, drift: &Drift) -> Vec<f32> {
-    let half = (iterations / 2) as f32;
-    let pilot = PILOT_ITERATIONS as f32;
-    let excess = |(&sum, &first): (&f32, &f32)| {
-        let mean = sum / (2.0 * half - pilot);
-        let error = 0.5 * (first / (half - pilot) - (sum - first) / half);
-        mean * mean - END * error * error
-    };
-    drift
-        .sums
-        .iter()
-        .zip(&drift.first_half)
-        .map(excess)
-        .collect()
+    /// Bytes held.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(&self.sums[..]) + size_of_val(&self.first_half[..])
+    }
+
+    /// Each time the iterations have doubled, stops the borrowing of pixels to which it has surely
+    /// brought as much bias as it is worth.
+    pub fn look(&mut self, region: Region, iterations: u32, lending: &mut [Lending]) {
+        if !iterations.is_power_of_two() {
+            return;
+        }
+        if iterations >= DECIDE_FROM {
+            stop(region, &self.excesses(iterations), lending);
+        }
+        self.first_half.copy_from_slice(&self.sums);
+    }
+
+    /// By how much the squared mean of D exceeds the limit in each pixel.
+    fn excesses(&self, iterations: u32) -> Vec<f32> {
+        let half = (iterations / 2) as f32;
+        let pilot = PILOT_ITERATIONS as f32;
+        let excess = |(&sum, &first): (&f32, &f32)| {
+            let mean = sum / (2.0 * half - pilot);
+            let error = 0.5 * (first / (half - pilot) - (sum - first) / half);
+            mean * mean - END * error * error
+        };
+        self.sums.iter().zip(&self.first_half).map(excess).collect()
+    }
 }
 
 /// Stops where the excesses around a pixel are positive together.

@@ -7,6 +7,7 @@
 
 use glam::Vec3A;
 
+use super::borrow::{dot, splats};
 use super::records::UNIT;
 use crate::kernel::vector::Vector;
 use crate::sampling;
@@ -21,10 +22,29 @@ const TAN_BETA_PER_ALPHA: f32 = 0.5;
 /// Largest angle between the normals of pixels that share, over alpha.
 const TURN_PER_ALPHA: f32 = 0.5;
 
-/// What a reflectance of one is kept as. Reflectances and indices up to four are kept.
+/// What a reflectance or an index of one is kept as. Up to four are kept, and black is exact.
 const SHARE_UNIT: f32 = 16383.0;
 /// What an alpha of one is kept as.
 const ALPHA_UNIT: f32 = 65535.0;
+
+/// The nearest number that fits; the cast saturates.
+fn kept(value: f32, unit: f32) -> u16 {
+    (value * unit).round() as u16
+}
+
+/// Shares of light, in units of 1 / [`SHARE_UNIT`].
+#[derive(Clone, Copy, Default)]
+pub struct Share([u16; 3]);
+
+impl Share {
+    pub fn new(color: Vec3A) -> Self {
+        Self(color.to_array().map(|c| kept(c, SHARE_UNIT)))
+    }
+
+    pub fn color(self) -> Vec3A {
+        Vec3A::from_array(self.0.map(f32::from)) / SHARE_UNIT
+    }
+}
 
 /// The closure of a pixel that takes borrowed light, 16 bytes.
 #[derive(Clone, Copy, Default)]
@@ -33,25 +53,19 @@ pub struct Gloss {
     alpha: u16,
     /// Index of refraction in units of 1 / [`SHARE_UNIT`]; 0 for Schlick's curve.
     ior: u16,
-    /// Reflectances at normal and at grazing incidence, in units of 1 / [`SHARE_UNIT`].
-    f0: [u16; 3],
-    f90: [u16; 3],
-}
-
-/// The nearest number that fits; the cast saturates.
-fn kept(value: f32, unit: f32) -> u16 {
-    (value * unit).round() as u16
+    /// Reflectances at normal and at grazing incidence.
+    f0: Share,
+    f90: Share,
 }
 
 impl Gloss {
     /// The closure, as precisely as a pixel keeps it.
     pub fn new(gloss: &sampling::Gloss) -> Self {
-        let share = |color: Vec3A| color.to_array().map(|c| kept(c, SHARE_UNIT));
         Self {
             alpha: kept(gloss.alpha, ALPHA_UNIT),
             ior: kept(gloss.ior, SHARE_UNIT),
-            f0: share(gloss.f0),
-            f90: share(gloss.f90),
+            f0: Share::new(gloss.f0),
+            f90: Share::new(gloss.f90),
         }
     }
 
@@ -133,22 +147,20 @@ impl<V: Vector> Lobe<V> {
     /// The closure about `normal` seen from `wo`; `rho` is the radius of the kernel [m].
     #[inline(always)]
     pub fn new(gloss: &Gloss, normal: Vec3A, wo: Vec3A, rho: f32) -> Self {
-        let vector = |v: [f32; 3]| v.map(V::splat);
-        let share = |color: [u16; 3]| color.map(|c| f32::from(c) / SHARE_UNIT);
-        let (f0, f90) = (share(gloss.f0), share(gloss.f90));
+        let (f0, f90) = (gloss.f0.color(), gloss.f90.color());
         let alpha = gloss.alpha();
         let cos_wo = normal.dot(wo).max(1e-6);
         let tan_squared = (1.0 - cos_wo * cos_wo).max(0.0) / (cos_wo * cos_wo);
         let ior = f32::from(gloss.ior) / SHARE_UNIT;
         Self {
-            wo: vector((wo / UNIT).to_array()),
-            normal: vector((normal / UNIT).to_array()),
+            wo: splats(wo / UNIT),
+            normal: splats(normal / UNIT),
             cos_wo: V::splat(cos_wo),
             alpha_squared: V::splat(alpha * alpha),
             width_wo: V::splat((1.0 + alpha * alpha * tan_squared).sqrt()),
             ior: (ior > 0.0).then(|| Dielectric::new(ior)),
-            f0: vector(f0),
-            rise: vector([0, 1, 2].map(|c| f90[c] - f0[c])),
+            f0: splats(f0),
+            rise: splats(f90 - f0),
             inverse_radius_squared: V::splat(1.0 / (rho * rho)),
             least_cosine: V::splat((TURN_PER_ALPHA * alpha).cos()),
         }
@@ -161,10 +173,10 @@ impl<V: Vector> Lobe<V> {
     #[inline(always)]
     pub fn reflected(&self, direction: [V; 3]) -> [V; 3] {
         let (one, least) = (V::splat(1.0), V::splat(1e-5));
-        let cos_wi = super::borrow::dot(direction, self.normal);
+        let cos_wi = dot(direction, self.normal);
         let is_above = least.at_most(cos_wi);
         let cos_wi = cos_wi.max(least).min(one);
-        let length_squared = V::splat(2.0) * (one + super::borrow::dot(direction, self.wo));
+        let length_squared = V::splat(2.0) * (one + dot(direction, self.wo));
         let length_squared = length_squared.max(least);
         let cos = (V::splat(0.5) * length_squared.sqrt()).min(one);
         // D = alpha^2 / (pi width^2), here with the width times |wo + wi|^2.

@@ -28,13 +28,14 @@ mod veto;
 use rayon::prelude::*;
 
 use self::borrow::{Borrow, Notes, Receiver, kernel_floor};
+use self::drift::Drift;
 use self::records::{Class, LENT_CLASSES, Records};
 use self::sample::Pass;
-use self::veto::{Costs, PILOT_ITERATIONS};
-use super::{Estimator, View, film_rows};
+use self::veto::{Costs, Lending, PILOT_ITERATIONS, Pilot};
+use super::{Estimator, Sharing, View, film_rows};
 use crate::contract::{Settings, Share};
 use crate::error::Result;
-use crate::film::{Film, Lending, Pilot, Region};
+use crate::film::{Film, Region};
 use crate::kernel::vector::{to_upper_half, upper_half};
 use crate::path::Bounces;
 use crate::sampling::Part;
@@ -60,6 +61,16 @@ pub struct Memory {
     reach: Vec<Reach>,
     /// R of each pixel [m].
     distances: Vec<f32>,
+}
+
+/// What a frame that borrows keeps between iterations.
+pub struct History {
+    /// From where each pixel borrows.
+    lending: Vec<Lending>,
+    /// What the first iteration brought, until it is judged.
+    pilot: Vec<Pilot>,
+    /// How far what pixels borrow is from what they find themselves.
+    drift: Drift,
 }
 
 /// Sums towards the harmonic mean of a pixel's hit distances.
@@ -100,6 +111,7 @@ impl DualCone {
 
 impl Estimator for DualCone {
     type Memory = Memory;
+    type History = History;
 
     fn memory(&self, region: Region) -> Memory {
         let pixels = region.width * region.height;
@@ -116,6 +128,25 @@ impl Estimator for DualCone {
             + size_of_val(&memory.receivers[..])
             + size_of_val(&memory.reach[..])
             + size_of_val(&memory.distances[..])
+    }
+
+    fn history(&self, region: Region) -> History {
+        History {
+            lending: vec![Lending::Window; region.width * region.height],
+            pilot: Vec::new(),
+            drift: Drift::new(region),
+        }
+    }
+
+    fn history_bytes(&self, history: &History) -> usize {
+        size_of_val(&history.lending[..])
+            + size_of_val(&history.pilot[..])
+            + history.drift.memory_bytes()
+    }
+
+    fn borrowing(&self, history: &History, _: Region) -> Vec<f32> {
+        let share = |&lending: &Lending| 0.5 * lending as u8 as f32;
+        history.lending.iter().map(share).collect()
     }
 
     fn sample(
@@ -154,66 +185,56 @@ impl Estimator for DualCone {
 
     fn share(
         &self,
-        views: &[View],
-        memories: &[Memory],
-        target: usize,
-        lenders: &[usize],
-        iteration: u32,
+        sharing: &Sharing<Memory>,
+        history: &mut History,
         film: &mut Film,
     ) -> Result<()> {
-        let view = &views[target];
+        let view = sharing.view();
+        let lenders = sharing.lenders.iter();
         let motions: Vec<Vec<Motion>> = lenders
-            .iter()
-            .map(|&lender| view.window.motions(target, lender))
+            .map(|&lender| view.window.motions(sharing.target, lender))
             .collect();
         let borrow = Borrow {
-            views,
-            memories,
-            target,
-            lenders,
+            sharing,
             motions: &motions,
             classes: lent_classes(view),
             half_block: self.half_block,
             is_one_to_one: self.is_one_to_one,
-            kernel_floor: kernel_floor(iteration),
+            kernel_floor: kernel_floor(sharing.iteration),
         };
-        if iteration >= PILOT_ITERATIONS {
-            share_as_chosen(&borrow, film)?;
-            drift::look(
-                view.region,
-                iteration + 1,
-                &mut film.drift,
-                &mut film.lending,
-            );
-            return Ok(());
+        if sharing.iteration < PILOT_ITERATIONS {
+            let pilot = share_all_ways(&borrow, film)?;
+            self.choose(&borrow, pilot, history);
+        } else {
+            share_as_chosen(&borrow, history, film)?;
+            let (drift, lending) = (&mut history.drift, &mut history.lending);
+            drift.look(view.region, sharing.iteration + 1, lending);
         }
-        let pilot = share_all_ways(&borrow, film)?;
-        self.choose(view, lenders.len(), pilot, film);
         Ok(())
     }
 }
 
 impl DualCone {
     /// Once both pilot iterations are there, chooses from where pixels go on borrowing.
-    fn choose(&self, view: &View, lenders: usize, pilot: Vec<Pilot>, film: &mut Film) {
-        if film.pilot.is_empty() {
-            film.lending = vec![Lending::Window; pilot.len()];
-            film.pilot = pilot;
+    fn choose(&self, borrow: &Borrow, pilot: Vec<Pilot>, history: &mut History) {
+        if history.pilot.is_empty() {
+            history.pilot = pilot;
             return;
         }
-        let first = std::mem::take(&mut film.pilot);
+        let view = borrow.sharing.view();
+        let first = std::mem::take(&mut history.pilot);
         let both = pilot.iter().zip(&first);
         let second: Vec<Pilot> = both.map(|(sum, first)| sum.less(first.window)).collect();
         let records = (2 * self.half_block + 1).pow(2);
+        let lenders = borrow.sharing.lenders.len();
         let costs = Costs::new(records, lenders, lends_indirect(view));
-        film.lending = veto::choose(view.region, &first, &second, costs);
-        film.drift = drift::none(view.region);
+        history.lending = veto::choose(view.region, &first, &second, costs);
     }
 }
 
 /// Every pixel borrows; returns what each has then, and what it would have otherwise.
 fn share_all_ways(borrow: &Borrow, film: &mut Film) -> Result<Vec<Pilot>> {
-    let view = &borrow.views[borrow.target];
+    let view = borrow.sharing.view();
     let Region { width, height, .. } = view.region;
     let mut pilot = vec![Pilot::default(); width * height];
     let rows = film.rows_mut().zip(pilot.par_chunks_mut(width));
@@ -224,19 +245,15 @@ fn share_all_ways(borrow: &Borrow, film: &mut Film) -> Result<Vec<Pilot>> {
 }
 
 /// Every pixel borrows from where it was chosen to.
-fn share_as_chosen(borrow: &Borrow, film: &mut Film) -> Result<()> {
-    let view = &borrow.views[borrow.target];
+fn share_as_chosen(borrow: &Borrow, history: &mut History, film: &mut Film) -> Result<()> {
+    let view = borrow.sharing.view();
     let width = view.region.width;
-    let (pixels, lending, drift) = film.pixels_and_lending();
-    let rows = pixels.par_chunks_mut(width);
-    let choices = lending.par_chunks(width);
-    let sums = drift.sums.par_chunks_mut(width);
-    view.for_rows(
-        rows.zip(choices).zip(sums),
-        |y, ((pixels, choice), drift)| {
-            borrow.add_row(y, pixels, Notes::Choice(choice, drift));
-        },
-    )
+    let choices = history.lending.par_chunks(width);
+    let sums = history.drift.sums.par_chunks_mut(width);
+    let rows = film.rows_mut().zip(choices).zip(sums);
+    view.for_rows(rows, |y, ((pixels, choice), drift)| {
+        borrow.add_row(y, pixels, Notes::Choice(choice, drift));
+    })
 }
 
 /// Whether gather rays bring light that surfaces reflect.

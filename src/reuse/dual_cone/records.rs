@@ -95,7 +95,7 @@ impl Record {
         Self {
             position: surface.position,
             normal: surface.bsdf.lambert_normal(),
-            direction: surface.geometric_normal,
+            direction: surface.bsdf.lambert_normal(),
             object,
             ..Self::default()
         }

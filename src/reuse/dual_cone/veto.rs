@@ -10,7 +10,7 @@
 //! The decision is smooth: gains are averaged over neighbouring tiles and interpolated, and every way
 //! renders the same light, so that no seams show.
 
-use crate::film::{Lending, Pilot, Region};
+use crate::film::Region;
 
 /// Iterations that render all ways.
 pub const PILOT_ITERATIONS: u32 = 2;
@@ -25,6 +25,40 @@ const RECORDS_PER_BLOCK: f32 = 30.0;
 const SURE: f64 = 2.0;
 /// Added to a squared luminance, so that dark pixels do not rule.
 const DARK: f32 = 0.01;
+
+/// Whose samples a pixel takes beside its own.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Lending {
+    /// Nobody's.
+    #[default]
+    None,
+    /// Those of its frame.
+    Frame,
+    /// Those of the frames around it too.
+    Window,
+}
+
+/// Luminance of a pixel's sum by each way to take samples.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Pilot {
+    /// [`Lending::Window`].
+    pub window: f32,
+    /// [`Lending::Frame`].
+    pub frame: f32,
+    /// [`Lending::None`].
+    pub own: f32,
+}
+
+impl Pilot {
+    /// All without what was there before.
+    pub fn less(self, before: f32) -> Self {
+        Self {
+            window: self.window - before,
+            frame: self.frame - before,
+            own: self.own - before,
+        }
+    }
+}
 
 /// What a sample costs that borrows from the window and from its frame, over one that does not.
 #[derive(Debug, Clone, Copy)]
