@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import html
+import math
 import sys
 import time
 from collections import Counter
@@ -91,7 +92,7 @@ def cells(outcome: Outcome) -> list[str]:
     energy = " ".join(f"{channel:.3f}" for channel in outcome.energy[:3])
     if abs(outcome.energy[3] - 1.0) > 1e-3:
         energy += f" ({outcome.energy[3]:.3f})"
-    bias = "" if outcome.dual_cone is None else f"{100.0 * outcome.bias:+.2f} %"
+    bias = f"{100.0 * outcome.bias:+.2f} %" if math.isfinite(outcome.bias) else "-"
     return [name, energy, f"{outcome.relative_mse:.1e}", bias, outcome.verdict]
 
 
@@ -128,7 +129,7 @@ def write_page(outcomes: Sequence[Outcome]) -> None:
     page = f"""<!doctype html><meta charset="utf-8"><title>DualCone and Cycles</title>
 <style>body{{font:14px sans-serif}} td{{padding:4px 12px;vertical-align:top}}
 img{{image-rendering:pixelated;height:128px}} .differs,.refused{{background:#fdd}}
-.agrees{{background:#dfd}} .named,.noisy{{background:#ffd}}</style>
+.black{{background:#fdd}} .agrees{{background:#dfd}} .named,.noisy{{background:#ffd}}</style>
 <h1>DualCone and Cycles</h1><p>{html.escape(summary(outcomes))}</p>
 <p>Cycles, PATH, DUAL_CONE, and PATH minus Cycles times {DIFFERENCE_GAIN:g} on grey.</p>
 <table>{body}</table>"""

@@ -296,6 +296,20 @@ pub const FRAME: &[ArraySpec] = &[
         "Colour times Blender's energy times 2^exposure.",
     ),
     array(
+        "light_scale",
+        F32,
+        &["L", "3"],
+        "1",
+        "Scale of the object's axes, for a spot's cone and for coordinates that nodes read.",
+    ),
+    array(
+        "light_material",
+        I32,
+        &["L"],
+        "material or -1",
+        "Material whose emission is a factor on the light.",
+    ),
+    array(
         "light_size",
         F32,
         &["L", "2"],

@@ -834,6 +834,8 @@ mod tests {
                 key: 1,
                 world_from_light: Affine3A::IDENTITY,
                 power: Vec3A::ONE,
+                scale: Vec3A::ONE,
+                material: None,
                 reach: Reach::ALL,
             });
             scene.add(square(), Affine3A::IDENTITY, diffuse(0.5));

@@ -63,7 +63,7 @@ def export_frame(
     arrays = export_camera(depsgraph, resolution, warnings)
     images = ImageTable(cache, core, warnings, frame)
     materials = MaterialTable(depsgraph, cache, core, images, warnings)
-    lights = LightTable(warnings)
+    lights = LightTable(warnings, materials)
     instances = InstanceTable(
         depsgraph, cache, core, materials, lights, warnings, should_stop, shutter is not None
     )

@@ -8,13 +8,16 @@ from math import pi, sin
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 
 from .linking import EVERYTHING, LinkSets
-from .nodes import Color, Constant, Source, surface
+from .material import MaterialTable
+from .nodes import Color, Constant, RecursiveGroup, surface
 from .report import Warnings
 from .transform import axis_scale, matrix_3x4, without_scale
 from .visibility import SHADOW, bits
+
+WHITE: Color = (1.0, 1.0, 1.0)
 
 
 class Kind(IntEnum):
@@ -35,6 +38,9 @@ class Light:
     key: int
     placement: np.ndarray
     power: Color
+    scale: tuple[float, float, float]
+    # Row of the material whose emission is a factor on the light; -1 for none.
+    material: int
     size: tuple[float, float]
     spot: tuple[float, float]
     spread: float
@@ -49,6 +55,7 @@ class LightTable:
     """The lights of one frame."""
 
     warnings: Warnings
+    materials: MaterialTable
     lights: list[Light] = field(default_factory=list)
     receivers: LinkSets = field(default_factory=LinkSets)
     blockers: LinkSets = field(default_factory=LinkSets)
@@ -62,17 +69,18 @@ class LightTable:
         data = owner.data
         if data.type == "AREA" and data.cycles.is_portal:
             return  # It only tells Cycles where to look for the world.
-        _check(owner, data, world_from_object, self.warnings)
         kind = light_kind(data)
         size = light_size(data, world_from_object)
         factor = _unnormalised(data, kind, size)
-        strength = _node_strength(data, self.warnings)
+        strength = node_strength(data)
         color = light_color(data)
         light = Light(
             kind,
             key,
             matrix_3x4(placement),
-            tuple(c * s * factor for c, s in zip(color, strength, strict=True)),
+            tuple(c * s * factor for c, s in zip(color, strength or WHITE, strict=True)),
+            tuple(axis_scale(world_from_object)),
+            -1 if strength else self.materials.index_of_light(data),
             size,
             (data.spot_size, data.spot_blend) if kind == Kind.SPOT else (0.0, 0.0),
             data.spread if data.type == "AREA" else pi,
@@ -104,6 +112,8 @@ class LightTable:
             "light_key": column("key", np.uint64),
             "world_from_light": column("placement", np.float32, 3, 4),
             "light_power": column("power", np.float32, 3),
+            "light_scale": column("scale", np.float32, 3),
+            "light_material": column("material", np.int32),
             "light_size": column("size", np.float32, 2),
             "light_spot": column("spot", np.float32, 2),
             "light_spread": column("spread", np.float32),
@@ -162,39 +172,22 @@ def _unnormalised(data: bpy.types.Light, kind: Kind, size: tuple[float, float]) 
     return 4.0 * pi * size[0] ** 2 if size[0] > 0.0 else 4.0
 
 
-def _node_strength(data: bpy.types.Light, warnings: Warnings) -> Color:
-    """The factor from the light's node tree: the colour times strength of its Emission."""
+def node_strength(data: bpy.types.Light) -> Color | None:
+    """The factor from the light's node tree if it is a constant: colour times strength."""
     if not data.use_nodes or data.node_tree is None:
-        return (1.0, 1.0, 1.0)
-    shader = surface(data.node_tree)
-    if shader is None:
-        return (0.0, 0.0, 0.0)
-    if shader.node.bl_idname != "ShaderNodeEmission":
-        warnings.not_rendered(data.name, shader.label)
-        return (1.0, 1.0, 1.0)
-    ends = []
-    for identifier in ("Color", "Strength"):
-        socket = shader.input(identifier)
-        end = socket.follow()
-        if isinstance(end, Source):
-            warnings.add(
-                data.name,
-                f"{end.label} in {identifier} is not rendered yet (its default value is used)",
-            )
-            end = Constant(socket.socket)
-        ends.append(end)
-    strength = ends[1].number()
-    red, green, blue = ends[0].color()
-    return (red * strength, green * strength, blue * strength)
-
-
-def is_round(scale: Vector) -> bool:
-    """Whether all axes are scaled alike, up to rounding."""
-    return max(scale) - min(scale) <= 1e-3 * max(scale)
-
-
-def _check(
-    owner: bpy.types.Object, data: bpy.types.Light, world_from_object: Matrix, warnings: Warnings
-) -> None:
-    if data.type == "SPOT" and not is_round(axis_scale(world_from_object)):
-        warnings.not_rendered(owner.name, "The scale of a spot lamp's cone")
+        return WHITE
+    try:
+        shader = surface(data.node_tree)
+        if shader is None:
+            return (0.0, 0.0, 0.0)
+        if shader.node.bl_idname != "ShaderNodeEmission":
+            return None
+        inputs = (shader.input(identifier) for identifier in ("Color", "Strength"))
+        ends = [socket.follow() for socket in inputs if socket]
+    except RecursiveGroup:
+        return None  # The compiler tells the user.
+    color, strength = (end if isinstance(end, Constant) else None for end in ends)
+    if color is None or strength is None:
+        return None
+    red, green, blue = (max(channel * strength.number(), 0.0) for channel in color.color())
+    return (red, green, blue)

@@ -1,7 +1,8 @@
-"""Materials: each once, as programs."""
+"""Materials, and the nodes of lights: each once, as programs."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -30,7 +31,7 @@ class MaterialTable:
     programs: Programs = field(default_factory=Programs)
     # What each material reads from meshes, by the names in `shader/layers.py`.
     layers: list[frozenset[str]] = field(default_factory=list)
-    _rows: dict[int | None, int] = field(default_factory=dict)
+    _rows: dict[int, int] = field(default_factory=dict)
 
     @cached_property
     def _operations(self) -> Operations:
@@ -38,26 +39,31 @@ class MaterialTable:
 
     def index(self, material: bpy.types.Material | None) -> int:
         """Row of an evaluated material; None is Blender's default surface."""
-        key = material.original.session_uid if material else None
-        if key not in self._rows:
-            program = self._program(material)
+        uid = material.original.session_uid if material else 0  # Blender counts from one
+        name, pass_index = (material.name, material.pass_index) if material else ("", 0)
+        compiler = Compiler(name, pass_index, self._operations)
+        return self._row(uid, compiler, lambda: compile_material(compiler, material))
+
+    def index_of_light(self, light: bpy.types.Light) -> int:
+        """Row of an evaluated light's nodes, which are compiled as a material's."""
+        compiler = Compiler(light.name, 0, self._operations, is_lamp=True)
+        uid = light.original.session_uid
+        return self._row(uid, compiler, lambda: compile_nodes(compiler, light))
+
+    def _row(self, uid: int, compiler: Compiler, compile_owner: Callable[[], None]) -> int:
+        if uid not in self._rows:
+            program = self._program(uid, compiler, compile_owner)
             self.warnings.add_all(program.warnings)
             self.programs.add(program, self.images, self.depsgraph)
-            self._rows[key] = len(self.layers)
+            self._rows[uid] = len(self.layers)
             self.layers.append(frozenset(program.layers))
-        return self._rows[key]
+        return self._rows[uid]
 
-    def _program(self, material: bpy.types.Material | None) -> Program:
-        """The material's program, compiled only if it may have changed."""
-        uid = material.original.session_uid if material else 0  # Blender counts from one
+    def _program(self, uid: int, compiler: Compiler, compile_owner: Callable[[], None]) -> Program:
+        """The owner's program, compiled only if it may have changed."""
         program = self.cache.programs.get(uid)
         if program is None:
-            compiler = Compiler(
-                material.name if material else "",
-                material.pass_index if material else 0,
-                self._operations,
-            )
-            compile_material(compiler, material)
+            compile_owner()
             program = compiler.program
             self.cache.statistics.materials_compiled += 1
             if program.is_lasting:
@@ -82,15 +88,23 @@ def compile_material(compiler: Compiler, material: bpy.types.Material | None) ->
         red, green, blue, _ = material.diffuse_color
         diffuse_surface(compiler, (red, green, blue))
     else:
-        try:
-            _compile_tree(compiler, material)
-        except RecursiveGroup as group:
-            compiler.give_up(f"the node group '{group}' contains itself")
-        except RecursionError:
-            compiler.give_up("its chains of nodes are too long")
+        compile_nodes(compiler, material)
 
 
-def _compile_tree(compiler: Compiler, material: bpy.types.Material) -> None:
+def compile_nodes(compiler: Compiler, owner: bpy.types.Material | bpy.types.Light) -> None:
+    """Write the program of the node tree of an evaluated material or light."""
+    try:
+        if isinstance(owner, bpy.types.Material):
+            _compile_material_tree(compiler, owner)
+        else:
+            compile_surface(compiler, surface(owner.node_tree))
+    except RecursiveGroup as group:
+        compiler.give_up(f"the node group '{group}' contains itself")
+    except RecursionError:
+        compiler.give_up("its chains of nodes are too long")
+
+
+def _compile_material_tree(compiler: Compiler, material: bpy.types.Material) -> None:
     output = active_output(material.node_tree)
     ends = {name: _linked(output, name) for name in ("Volume", "Displacement")}
     if ends["Volume"]:

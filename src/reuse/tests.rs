@@ -78,6 +78,8 @@ fn yard_seen_by(frame: i32, camera: Camera) -> Arc<SceneFrame> {
         key: 1,
         world_from_light: Affine3A::from_rotation_x(0.6),
         power: Vec3A::splat(2.0),
+        scale: Vec3A::ONE,
+        material: None,
         reach: Reach {
             visibility: Visibility::from_bits(0b1_1110),
             ..Reach::ALL
@@ -136,6 +138,8 @@ fn glasshouse(frame: i32) -> Arc<SceneFrame> {
         key: 1,
         world_from_light: Affine3A::from_rotation_x(-0.8),
         power: Vec3A::splat(2.0),
+        scale: Vec3A::ONE,
+        material: None,
         reach: Reach {
             visibility: Visibility::from_bits(0b1_1110),
             ..Reach::ALL
@@ -598,6 +602,8 @@ fn what_a_mirror_throws_stays_with_the_pixel_that_found_it() {
         key: 1,
         world_from_light: Affine3A::from_rotation_x(0.8),
         power: Vec3A::splat(2.0),
+        scale: Vec3A::ONE,
+        material: None,
         reach: Reach::ALL,
     });
     let frames: Vec<_> = (0..=2).map(|number| scene.frame(number)).collect();
@@ -797,6 +803,8 @@ mod visibility {
             key: 1,
             world_from_light: Affine3A::IDENTITY,
             power: Vec3A::splat(3.0),
+            scale: Vec3A::ONE,
+            material: None,
             reach: Reach::ALL,
         });
         scene

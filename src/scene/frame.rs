@@ -98,7 +98,7 @@ impl SceneFrame {
         Ok(Self {
             frame,
             instances,
-            lights: lights(&arrays)?,
+            lights: lights(&arrays, materials.len())?,
             camera: camera(&arrays)?,
             shutter: shutter(&arrays)?,
             world: world(&arrays, &images)?,
@@ -352,18 +352,38 @@ fn object_info(arrays: &Arrays, row: usize) -> ObjectInfo {
     }
 }
 
-fn lights(arrays: &Arrays) -> Result<Vec<Light>> {
-    let kinds = arrays.u32s("light_kind").iter().enumerate();
-    kinds.map(|(row, &kind)| light(arrays, row, kind)).collect()
+fn lights(arrays: &Arrays, materials: usize) -> Result<Vec<Light>> {
+    (0..arrays.length("L"))
+        .map(|row| light(arrays, row, materials))
+        .collect()
 }
 
-fn light(arrays: &Arrays, row: usize, kind: u32) -> Result<Light> {
+fn light(arrays: &Arrays, row: usize, materials: usize) -> Result<Light> {
+    let world_from_light = affine(arrays.f32s("world_from_light"), row);
+    inverse("world_from_light", row, world_from_light)?;
+    let material = arrays.i32s("light_material")[row];
+    Ok(Light {
+        kind: light_kind(arrays, row)?,
+        key: arrays.u64s("light_key")[row],
+        world_from_light,
+        scale: color(arrays.f32s("light_scale"), row),
+        power: color(arrays.f32s("light_power"), row),
+        material: optional_index("light_material", row, material, materials, "materials")?,
+        reach: Reach {
+            visibility: Visibility::from_bits(arrays.u32s("light_visibility")[row]),
+            max_bounces: arrays.u32s("light_max_bounces")[row],
+            links: links(arrays, row)?,
+        },
+    })
+}
+
+fn light_kind(arrays: &Arrays, row: usize) -> Result<LightKind> {
     let size: [f32; 2] = arrays.f32s("light_size").as_chunks::<2>().0[row];
     let [cone_angle, blend] = arrays.f32s("light_spot").as_chunks::<2>().0[row];
     let soft_falloff = arrays.u32s("light_soft_falloff")[row] != 0;
     let spread = arrays.f32s("light_spread")[row];
     let radius = size[0];
-    let kind = match kind {
+    Ok(match arrays.u32s("light_kind")[row] {
         0 => LightKind::Sun { angle: size[0] },
         1 => LightKind::Point {
             radius,
@@ -377,7 +397,7 @@ fn light(arrays: &Arrays, row: usize, kind: u32) -> Result<Light> {
         },
         3 => LightKind::AreaRectangle { size, spread },
         4 => LightKind::AreaEllipse { size, spread },
-        _ => {
+        kind => {
             return Err(Error::Index {
                 field: "light_kind",
                 row,
@@ -386,19 +406,6 @@ fn light(arrays: &Arrays, row: usize, kind: u32) -> Result<Light> {
                 of: "kinds of light",
             });
         }
-    };
-    let world_from_light = affine(arrays.f32s("world_from_light"), row);
-    inverse("world_from_light", row, world_from_light)?;
-    Ok(Light {
-        kind,
-        key: arrays.u64s("light_key")[row],
-        world_from_light,
-        power: color(arrays.f32s("light_power"), row),
-        reach: Reach {
-            visibility: Visibility::from_bits(arrays.u32s("light_visibility")[row]),
-            max_bounces: arrays.u32s("light_max_bounces")[row],
-            links: links(arrays, row)?,
-        },
     })
 }
 

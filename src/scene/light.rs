@@ -55,8 +55,12 @@ pub struct Light {
     pub key: u64,
     /// Placement without scale; it shines along its own -Z.
     pub world_from_light: Affine3A,
+    /// Scale of its axes: of a spot's cone, and of what nodes read. Sizes have it already.
+    pub scale: Vec3A,
     /// Power [W] by colour; irradiance [W / m^2] for a sun.
     pub power: Vec3A,
+    /// Index of the material whose emission is a factor on its light.
+    pub material: Option<u32>,
     /// Which rays find it; without shadow rays nothing stops its light.
     pub reach: Reach,
 }

@@ -21,4 +21,6 @@ pub use closure::{Closure, Glass, Glossy, Principled};
 pub use operation::{OPERATIONS, Operation, Parameter};
 pub use ops::TABLE_SIZE;
 pub use point::{Attributes, ObjectInfo, Point, RayInfo, RayKind, View};
+#[cfg(test)]
+pub(crate) use program::Row;
 pub use program::{Draft, Instructions, Program, Use};

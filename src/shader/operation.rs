@@ -202,6 +202,7 @@ pub static OPERATIONS: &[Operation] = &[
     here("object_info", &[], Modes(&[&["Location", "Color", "Alpha", "Object Index", "Random"]]), input::object_info),
     here("camera_data", &[], Modes(&[&["View Vector", "View Z Depth", "View Distance"]]), input::camera_data),
     here("light_path", &[], Modes(&[&input::LIGHT_PATH_NAMES]), input::light_path),
+    here("light_falloff", &["Strength", "Smooth"], Modes(&[&["Quadratic", "Linear", "Constant"]]), input::light_falloff),
     here("vector_transform", &["Vector"], Modes(&[&["POINT", "VECTOR", "NORMAL"], &["WORLD", "OBJECT", "CAMERA"], &["WORLD", "OBJECT", "CAMERA"]]), input::vector_transform),
     here("fresnel", &["IOR", "Normal"], None, normal::fresnel),
     here("layer_weight", &["Blend", "Normal"], Modes(&[&["Fresnel", "Facing"]]), normal::layer_weight),

@@ -128,17 +128,19 @@ class Outcome:
 
     @cached_property
     def bias(self) -> float:
-        """Energy of DUAL_CONE over that of PATH, minus one."""
-        if self.dual_cone is None:
+        """Energy of DUAL_CONE over that of PATH, minus one; NaN where there is none to compare."""
+        plain = 0.0 if self.path is None else np.mean(self.path, axis=0)[..., :3].mean()
+        if self.dual_cone is None or plain <= 0.0:
             return float("nan")
-        ours, plain = self.dual_cone[..., :3].mean(), np.mean(self._path, axis=0)[..., :3].mean()
-        return float(ours / plain - 1.0)
+        return float(self.dual_cone[..., :3].mean() / plain - 1.0)
 
     @cached_property
     def verdict(self) -> str:
         """Say in one word how the row fares."""
         if self.path is None:
             return "refused"
+        if not self.reference.picture[..., :3].any():
+            return "black"
         off = float(np.abs(self.energy - 1.0).max())
         if off <= ENERGY_TOLERANCE and self.relative_mse <= RELATIVE_MSE_MAX:
             return "agrees, but warns" if self.warnings else "agrees"

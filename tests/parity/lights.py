@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import pi, sin
 from typing import Any
 
+import bmesh
 import bpy
 
 from .rows import table
@@ -26,7 +27,7 @@ def seen_lamp(stage: Stage, kind: str, visible: bool = True, **values: Any) -> N
     """A lamp in the picture; the floor mirrors it."""
     lamp(stage, kind, **values)
     stage.lamp.location = (0.0, 6.0, 3.0)
-    stage.lamp.rotation_euler = (-1.2, 0.0, pi)
+    stage.lamp.rotation_euler = (-1.2, 0.0, 0.0)
     stage.lamp.visible_camera = visible
     stage.lamp.data.energy = 100.0
     give(stage.floor, glossy(0.3))
@@ -66,6 +67,16 @@ def falloff_lamp(stage: Stage, output_name: str, strength: float) -> None:
     tree = node_tree(stage.lamp.data)
     falloff = add_node(tree, "ShaderNodeLightFalloff", Strength=strength)
     emission = add_node(tree, "ShaderNodeEmission", Strength=falloff.outputs[output_name])
+    tree.links.new(emission.outputs[0], output(tree).inputs[0])
+
+
+def patterned_lamp(stage: Stage, kind: str, coordinate: str, scale: float, **values: Any) -> None:
+    """A lamp that shines as a checker over one of its coordinates."""
+    lamp(stage, kind, **values)
+    tree = node_tree(stage.lamp.data)
+    place = add_node(tree, "ShaderNodeTexCoord")
+    pattern = add_node(tree, "ShaderNodeTexChecker", Vector=place.outputs[coordinate], Scale=scale)
+    emission = add_node(tree, "ShaderNodeEmission", Color=pattern.outputs["Color"], Strength=1.0)
     tree.links.new(emission.outputs[0], output(tree).inputs[0])
 
 
@@ -116,14 +127,15 @@ def portal(stage: Stage) -> None:
     bpy.ops.mesh.primitive_cube_add(size=10.0, location=(0.0, 0.0, 4.0))
     room: Any = bpy.context.object
     give(room, matt((0.7, 0.7, 0.7)))
+    form = bmesh.new()
+    form.from_mesh(room.data)
+    wall = next(face for face in form.faces if face.normal.y > 0.5)
+    bmesh.ops.inset_region(form, faces=[wall], thickness=4.0)
+    form.faces.remove(wall)
+    form.to_mesh(room.data)
     stage.only("AREA", shape="RECTANGLE", size=2.0, size_y=2.0)
     stage.lamp.data.cycles.is_portal = True
-    stage.lamp.location, stage.lamp.rotation_euler = (0.0, 4.9, 3.0), (-pi / 2, 0.0, 0.0)
-    room.modifiers.new("Window", "BOOLEAN")
-    bpy.ops.mesh.primitive_cube_add(size=2.0, location=(0.0, 5.0, 3.0))
-    hole: Any = bpy.context.object
-    hole.hide_render = True
-    room.modifiers["Window"].object = hole
+    stage.lamp.location, stage.lamp.rotation_euler = (0.0, 4.9, 4.0), (-pi / 2, 0.0, 0.0)
     stage.camera.location, stage.camera.rotation_euler = (0.0, -4.5, 3.0), (pi / 2, 0.0, 0.0)
     shade(stage.scene.world, "ShaderNodeBackground", Strength=3.0)
 
@@ -171,6 +183,11 @@ ROWS = table(
     ("node: blackbody", blackbody_lamp, {"temperature": 3500.0}),
     ("node: light falloff, linear", falloff_lamp, {"output_name": "Linear", "strength": 0.2}),
     ("node: pattern", gobo),
+    ("node: spot, UV", patterned_lamp, {"kind": "SPOT", "coordinate": "UV", "scale": 6.0, "shadow_soft_size": 0.0, "spot_size": 1.0}),
+    ("node: point, UV", patterned_lamp, {"kind": "POINT", "coordinate": "UV", "scale": 16.0, "shadow_soft_size": 0.1}),
+    ("node: ball, normal", patterned_lamp, {"kind": "POINT", "coordinate": "Normal", "scale": 8.0, "shadow_soft_size": 0.5, "use_soft_falloff": False}),
+    ("node: area, UV", patterned_lamp, {"kind": "AREA", "coordinate": "UV", "scale": 2.0, "size": 3.0}),
+    ("node: area, generated", patterned_lamp, {"kind": "AREA", "coordinate": "Generated", "scale": 1.5, "size": 3.0}),
     ("linking: lights the ball alone", linked_lamp, {"kind": "receiver"}),
     ("linking: lights all but the ball", linked_lamp, {"kind": "receiver", "state": "EXCLUDE"}),
     ("linking: shadow of all but the ball", linked_lamp, {"kind": "blocker", "state": "EXCLUDE"}),

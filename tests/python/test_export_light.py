@@ -186,17 +186,6 @@ def test_a_lamps_nodes_scale_its_power(tmp_path: Path) -> None:
     assert np.allclose(irradiance(arrays), measured, rtol=5e-3)
 
 
-def test_what_a_lamp_does_beyond_is_named() -> None:
-    add_camera()
-    lamp = add_light("AREA")
-    node = emission_of(lamp.data)
-    falloff = lamp.data.node_tree.nodes.new("ShaderNodeLightFalloff")
-    lamp.data.node_tree.links.new(falloff.outputs["Linear"], node.inputs["Strength"])
-    assert export_now().warnings == [
-        "'Lamp': Light Falloff in Strength is not rendered yet (its default value is used)",
-    ]
-
-
 def test_rays_that_see_a_lamp_its_spread_and_its_last_bounce_are_handed_over() -> None:
     add_camera()
     lamp = add_light("AREA", spread=1.0, use_shadow=False)
@@ -269,3 +258,40 @@ def test_lamps_in_collection_instances_are_exported() -> None:
     arrays = export_now().arrays
     assert sorted(arrays["world_from_light"][:, 0, 3]) == [0, 1, 2]
     assert len(set(arrays["light_key"])) == 3
+
+
+def add_nodes(lamp: Any, color_node: str) -> None:
+    """Give a lamp an Emission whose colour a node computes."""
+    lamp.data.use_nodes = True
+    tree = lamp.data.node_tree
+    emission = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeEmission")
+    tree.links.new(tree.nodes.new(color_node).outputs[0], emission.inputs["Color"])
+
+
+def test_nodes_of_lamps_become_programs() -> None:
+    add_camera()
+    add_nodes(add_light("POINT"), "ShaderNodeTexChecker")
+    frame = export_now()
+    assert frame.warnings == []
+    arrays = frame.arrays
+    assert arrays["light_material"].tolist() == [0]
+    assert np.allclose(arrays["light_power"], 10.0)
+    assert len(arrays["material_programs"]) == 1
+
+
+def test_unknown_nodes_of_lamps_are_named() -> None:
+    add_camera()
+    add_nodes(add_light("POINT"), "ShaderNodeAmbientOcclusion")
+    (warning,) = export_now().warnings
+    assert "Ambient Occlusion in Color is not rendered yet" in warning
+
+
+def test_lamps_with_constant_nodes_need_no_program() -> None:
+    add_camera()
+    lamp = add_light("SPOT")
+    lamp.scale = (1.0, 2.0, 0.5)
+    lamp.data.use_nodes = True
+    frame = export_now()
+    assert frame.warnings == []
+    assert frame.arrays["light_material"].tolist() == [-1]
+    assert np.allclose(frame.arrays["light_scale"], [(1.0, 2.0, 0.5)])

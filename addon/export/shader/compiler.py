@@ -37,10 +37,12 @@ class Compiler:
         name: str,
         material_index: int,
         operations: Operations,
+        is_lamp: bool = False,
     ) -> None:
         self.name = name
         self.material_index = material_index
         self.operations = operations
+        self.is_lamp = is_lamp
         self.program = Program()
         # The normal of closures whose input is not linked; zero is the surface's own.
         self.normal: Operand = ZERO
@@ -118,7 +120,11 @@ class Compiler:
         return self.layer(ACTIVE_UV + name)
 
     def generated(self) -> Value:
-        """The coordinate in the bounds of the undeformed mesh."""
+        """The coordinate in the bounds of the undeformed mesh; of a lamp that in its own space."""
+        if self.is_lamp:
+            return self.emit(
+                "coordinate", parameter=self.operations["coordinate"].parameter(("Object",)) or 0
+            )
         return self.layer(GENERATED)
 
     @contextmanager

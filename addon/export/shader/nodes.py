@@ -295,6 +295,7 @@ NODES: dict[str, Callable[[Compiler, Source], Operand]] = {
     "ShaderNodeHueSaturation": Rule("hue_saturation"),
     "ShaderNodeInvert": Rule("invert"),
     "ShaderNodeLayerWeight": Rule("layer_weight", (OUTPUT,)),
+    "ShaderNodeLightFalloff": Rule("light_falloff", (OUTPUT,)),
     "ShaderNodeLightPath": Rule("light_path", (OUTPUT,)),
     "ShaderNodeMapRange": map_range,
     "ShaderNodeMapping": Rule("mapping", ("vector_type",)),

@@ -199,6 +199,8 @@ fn a_sun_is_each_pixels_own() {
         key: 1,
         world_from_light: Affine3A::from_rotation_x(0.6),
         power: Vec3A::splat(3.0),
+        scale: Vec3A::ONE,
+        material: None,
         reach: Reach {
             visibility: Visibility::from_bits(0b1_1110),
             ..Reach::ALL

@@ -15,7 +15,7 @@ use crate::scene::{self, Camera, Image, Instance, Material, Mesh, Reach, SceneFr
 use crate::shader::{Closure, Point, Program, RayInfo};
 
 /// The light of a program: where the ray that arrives has a direction, what leaves against it.
-fn glow_of(emission: &Program, point: &Point, images: &[Arc<Image>]) -> Vec3A {
+pub(super) fn glow_of(emission: &Program, point: &Point, images: &[Arc<Image>]) -> Vec3A {
     let mut radiance = Vec3A::ZERO;
     emission.run(point, images, &mut |closure| {
         if let Closure::Emission(light) = closure {

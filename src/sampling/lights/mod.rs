@@ -16,6 +16,7 @@ mod area;
 mod choice;
 mod environment;
 mod mesh;
+mod shaded;
 mod sphere;
 mod sun;
 mod table;
@@ -29,12 +30,13 @@ use super::sampler::LightUse;
 use crate::kernel::InstanceBvh;
 use crate::math::Ray;
 use crate::scene::{Light, LightKind, Links, Reach, SceneFrame, World};
-use crate::shader::RayKind;
+use crate::shader::{Point, RayKind};
 use area::Area;
 use choice::{Choice, Chosen, EVALUATED_MAX};
 use environment::{ImageTables, SmallSky, lights_of};
-use mesh::MeshLight;
 pub use mesh::emitted_radiance;
+use mesh::{MeshLight, glow_of};
+use shaded::Shaded;
 use sphere::{Cone, Sphere};
 use sun::Sun;
 use tree::Extent;
@@ -187,7 +189,7 @@ impl LightSampler {
     pub fn build(frame: &SceneFrame, previous: Option<&LightSampler>) -> Self {
         let lamps = frame.lights.iter();
         let (mut lights, mut reaches): (Vec<_>, Vec<_>) = lamps
-            .filter_map(|light| Some((lamp(light)?, light.reach)))
+            .filter_map(|light| Some((lamp_with_nodes(frame, light)?, light.reach)))
             .unzip();
         let lamps = lights.len();
         let previous = previous.and_then(|p| p.image_tables.as_ref());
@@ -427,7 +429,20 @@ const WEIGHT_MAX: f32 = 1e30;
 /// The largest number below one.
 const ALMOST_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// The emitter of a lamp; `None` for one that cannot shine.
+/// The emitter of a lamp, its nodes included; `None` for one that cannot shine.
+fn lamp_with_nodes(frame: &SceneFrame, light: &Light) -> Option<Box<dyn Emitter>> {
+    let Some(material) = light.material else {
+        return lamp(light);
+    };
+    let nodes = &frame.materials[material as usize].emission;
+    if nodes.is_uniform() {
+        let power = light.power * glow_of(nodes, &Point::nowhere(), &[]);
+        return lamp(&Light { power, ..*light });
+    }
+    Some(Box::new(Shaded::new(lamp(light)?, light, nodes, frame)))
+}
+
+/// The emitter of a lamp without its nodes; `None` for one that cannot shine.
 fn lamp(light: &Light) -> Option<Box<dyn Emitter>> {
     let (placement, power) = (&light.world_from_light, light.power);
     if !(power.max_element() > 0.0) {
@@ -450,7 +465,7 @@ fn lamp(light: &Light) -> Option<Box<dyn Emitter>> {
             cone_angle,
             blend,
         } => {
-            let cone = Cone::new(placement, cone_angle, blend);
+            let cone = Cone::new(placement, light.scale, cone_angle, blend);
             Some(sphere(radius, soft_falloff, Some(cone)))
         }
         LightKind::AreaRectangle { size, spread } => area(size, spread, area::Shape::Rectangle),

@@ -6,7 +6,7 @@
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
-use glam::{Affine3A, Vec3A};
+use glam::{Affine3A, Mat3A, Vec3A};
 
 use super::tree::{Extent, NormalCone};
 use super::{Emitter, LightClass, LightHit, LightSample, Receiver};
@@ -24,20 +24,26 @@ const RADIUS_MIN: f32 = 1e-6;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cone {
     axis: Vec3A,
-    half_angle: f32,
+    /// To the lamp's own space, in which the cone is round.
+    lamp_from_world: Mat3A,
+    /// In the lamp's own space.
     cos_half_angle: f32,
+    /// Of the widest round cone around it, world space.
+    half_angle: f32,
     /// Width of the step in the cosine.
     fade: f32,
 }
 
 impl Cone {
     /// `angle` is the full opening [rad], `blend` the share of it that fades.
-    pub(super) fn new(world_from_light: &Affine3A, angle: f32, blend: f32) -> Self {
+    pub(super) fn new(world_from_light: &Affine3A, scale: Vec3A, angle: f32, blend: f32) -> Self {
         let half_angle = (0.5 * angle).clamp(0.0, PI);
         let cos_half_angle = half_angle.cos();
         Self {
             axis: -world_from_light.matrix3.z_axis.normalize_or(Vec3A::Z),
-            half_angle,
+            lamp_from_world: (world_from_light.matrix3 * Mat3A::from_diagonal(scale.into()))
+                .inverse(),
+            half_angle: stretched(half_angle, scale),
             cos_half_angle,
             fade: (1.0 - cos_half_angle) * blend.clamp(0.0, 1.0),
         }
@@ -45,7 +51,8 @@ impl Cone {
 
     /// Share of the light that leaves in this direction.
     fn attenuation(&self, direction: Vec3A) -> f32 {
-        let inside = direction.dot(self.axis) - self.cos_half_angle;
+        let local = (self.lamp_from_world * direction).normalize_or_zero();
+        let inside = -local.z - self.cos_half_angle;
         if inside <= 0.0 {
             return 0.0;
         }
@@ -66,6 +73,16 @@ enum Shape {
     Point,
     Sphere,
     Disk,
+}
+
+/// Half the angle of a round cone around another that is scaled.
+fn stretched(half_angle: f32, scale: Vec3A) -> f32 {
+    let wider = scale.x.max(scale.y) / scale.z;
+    match half_angle {
+        _ if (wider - 1.0).abs() < 1e-3 => half_angle,
+        _ if half_angle < FRAC_PI_2 => (wider * half_angle.tan()).atan(),
+        _ => PI,
+    }
 }
 
 #[derive(Debug)]

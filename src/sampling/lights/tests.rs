@@ -50,6 +50,8 @@ fn lamp_at(kind: LightKind, position: Vec3, turn: Quat) -> Light {
         key: 0,
         world_from_light: Affine3A::from_rotation_translation(turn, position),
         power: Vec3A::new(80.0, 100.0, 120.0),
+        scale: Vec3A::ONE,
+        material: None,
         reach: Reach::ALL,
     }
 }
@@ -563,4 +565,102 @@ fn spread_narrows_an_area_lamp_and_keeps_its_power() {
             assert!((power / expected - 1.0).abs() < 0.1, "{kind:?}: {power}");
         }
     }
+}
+
+/// A frame with one lamp whose light these instructions compute.
+fn lamp_with(kind: LightKind, rows: &[crate::shader::Row], constants: &[[f32; 3]]) -> SceneFrame {
+    let turn = Quat::from_euler(EulerRot::XYZ, 0.3, -0.2, 0.9);
+    let lamp = Light {
+        material: Some(0),
+        scale: Vec3A::new(1.0, 1.5, 0.8),
+        ..lamp_at(kind, Vec3::new(0.2, -0.1, 2.0), turn)
+    };
+    let mut frame = frame_of(vec![lamp], plain_world(0.0));
+    frame.materials = vec![Material::new(&Draft::of(rows, constants).unwrap())];
+    frame
+}
+
+/// A program that shines as the point's coordinate in the lamp's space, squared.
+const PLACE: &[crate::shader::Row] = &[
+    ("coordinate", &[], 1),
+    ("multiply", &[0, 0], 0),
+    ("emission", &[-1, 1], 0),
+];
+
+#[test]
+fn constant_falloff_undoes_the_distance() {
+    let rows: &[crate::shader::Row] = &[("light_falloff", &[-2, -3], 2), ("emission", &[-1, 0], 0)];
+    let frame = lamp_with(point_lamp(0.0, true), rows, &[[1.0; 3], [0.5; 3], [0.0; 3]]);
+    let lights = LightSampler::build(&frame, None);
+    let center = frame.lights[0].world_from_light.translation;
+    for distance in [0.5, 1.0, 7.0] {
+        let receiver = receiver_at(center - distance * Vec3A::Z, Vec3A::Z);
+        let drawn = numbers(&mut Random::new(3));
+        let [sample, _] = lights.sample(&receiver, Strategy::One, &drawn, || [0.5; 2]);
+        let found = sample.unwrap().radiance.unwrap();
+        let expected = 0.5 * frame.lights[0].power / (4.0 * PI);
+        assert!(
+            (found / expected - 1.0).abs().max_element() < 1e-5,
+            "{found} {expected}"
+        );
+    }
+}
+
+#[test]
+fn rays_that_meet_a_lamp_with_nodes_see_what_samples_of_it_do() {
+    let kinds = [
+        point_lamp(0.4, false),
+        point_lamp(0.4, true),
+        spot(0.3, false, 0.5),
+        LightKind::AreaRectangle {
+            size: [1.0, 0.5],
+            spread: PI,
+        },
+        LightKind::Sun { angle: 0.2 },
+    ];
+    for kind in kinds {
+        let frame = lamp_with(kind, PLACE, &[[1.0; 3]]);
+        let lights = LightSampler::build(&frame, None);
+        let receiver = receiver_at(Vec3A::new(0.1, 0.3, 0.0), Vec3A::Z);
+        let mut random = Random::new(7);
+        let mut shone = Vec3A::ZERO;
+        for _ in 0..50 {
+            let drawn = numbers(&mut random);
+            let [sample, _] = lights.sample(&receiver, Strategy::One, &drawn, || [0.5; 2]);
+            let Some(sample) = sample else { continue };
+            let ray = Ray::new(receiver.point, sample.direction);
+            let met = lights.lamps_along(&ray, receiver.normal, Strategy::One, RayKind::Diffuse, 0);
+            let Some(hit) = met.last() else { continue };
+            let radiance = sample.radiance.unwrap();
+            let off = (hit.radiance - radiance).abs().max_element();
+            assert!(
+                off <= 2e-3 * radiance.max_element(),
+                "{kind:?} {hit:?} {sample:?}"
+            );
+            shone += radiance;
+        }
+        assert!(shone.max_element() > 0.0, "{kind:?} is dark");
+    }
+}
+
+#[test]
+fn a_lamp_of_constant_nodes_is_a_plain_lamp() {
+    let rows: &[crate::shader::Row] = &[("blackbody", &[-2], 0), ("emission", &[-1, 0], 0)];
+    let frame = lamp_with(point_lamp(0.2, true), rows, &[[2.0; 3], [6500.0; 3]]);
+    let lights = LightSampler::build(&frame, None);
+    let receiver = receiver_at(Vec3A::ZERO, Vec3A::Z);
+    let mut plain = frame.lights[0];
+    plain.material = None;
+    let plain = sampler(vec![plain]);
+    let drawn = numbers(&mut Random::new(5));
+    let radiance = |lights: &LightSampler| {
+        let [sample, _] = lights.sample(&receiver, Strategy::One, &drawn, || [0.5; 2]);
+        sample.unwrap().radiance.unwrap()
+    };
+    let factor = radiance(&lights) / radiance(&plain);
+    // 6500 K is nearly white: luminance one, times two.
+    assert!(
+        (crate::math::luminance(factor) - 2.0).abs() < 0.1,
+        "{factor}"
+    );
 }

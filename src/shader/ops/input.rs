@@ -113,6 +113,23 @@ pub fn light_path(a: &Args) -> Vec3A {
     Vec3A::splat(question.map_or(a.point.ray_length, |(_, ask)| ask(a.point.ray)))
 }
 
+/// A lamp's strength that falls by another power of the distance than two.
+pub fn light_falloff(a: &Args) -> Vec3A {
+    let (strength, smooth) = (a.float(0), a.float(1));
+    let distance_squared = a.point.ray_length * a.point.ray_length;
+    let factor = match a.mode(0) {
+        0 => 1.0,
+        1 => a.point.ray_length,
+        _ => distance_squared,
+    };
+    let near = if smooth > 0.0 && distance_squared.is_finite() {
+        distance_squared / (smooth + distance_squared)
+    } else {
+        1.0
+    };
+    Vec3A::splat(strength * factor * near)
+}
+
 /// Modes: point, vector or normal; from and to world, object or camera.
 pub fn vector_transform(a: &Args) -> Vec3A {
     let (v, p) = (a.vector(0), a.point);
