@@ -209,6 +209,8 @@ class Reader:
             self._renderer,
             engine.is_stopped,
             engine.frame_set,
+            # Frames that only lend make no passes.
+            order.recipe.passes if frame in order.targets else (),
         )
         for warning in exported.warnings:
             engine._warn(warning)
@@ -265,12 +267,13 @@ def read_order(engine: DualConeEngine, depsgraph: bpy.types.Depsgraph) -> Order:
         settings["window"] = 1
     frame, step = scene.frame_current, scene.frame_step
     is_series = engine.is_animation and not is_single_frame_job()
+    wanted = tuple(passes.wanted(depsgraph.view_layer, settings["denoise"]))
     count = chunk_size(scene, settings["frames_together"], region) if is_series else 1
     return Order(
         frame=frame,
         subframe=scene.frame_subframe,
         view=ViewKey(f"{scene.name_full} {scene.session_uid}", depsgraph.view_layer.name),
-        recipe=Recipe(tuple(sorted(settings.items())), region, step),
+        recipe=Recipe(tuple(sorted(settings.items())), region, step, wanted),
         targets=session.plan_targets(
             frame, step, scene.frame_end, count, lambda ahead: is_kept(scene.render, ahead)
         ),
@@ -299,10 +302,12 @@ def chunk_size(scene: bpy.types.Scene, wanted: int, region: Region) -> int:
     """
     if scene.render.use_placeholder and not scene.render.is_movie_format:
         return 1
-    layers = sum(layer.use for layer in scene.view_layers)
+    layers = [layer for layer in scene.view_layers if layer.use]
     rows, columns = region.shape
-    pixels = rows * columns * max(1, layers)
-    return min(wanted, session.frames_in_memory(pixels, session.physical_memory_bytes()))
+    pixels = rows * columns * max(1, len(layers))
+    pass_bytes = max((passes.bytes_per_pixel(layer) for layer in layers), default=0)
+    memory = session.physical_memory_bytes()
+    return min(wanted, session.frames_in_memory(pixels, memory, pass_bytes))
 
 
 def is_kept(render: bpy.types.RenderSettings, frame: int) -> bool:

@@ -11,18 +11,40 @@ import numpy as np
 from . import core
 
 # Passes that Blender already has a switch for; the others get one at `view_layer.dualcone`.
-BLENDER_SWITCH = {"Depth": "use_pass_z", "Normal": "use_pass_normal"}
-# Passes of light, which the exposure of the film scales.
-EXPOSED = ("Combined", "Noisy Image")
+BLENDER_SWITCH = {
+    "Depth": "use_pass_z",
+    "Mist": "use_pass_mist",
+    "Position": "use_pass_position",
+    "Normal": "use_pass_normal",
+    "Vector": "use_pass_vector",
+    "UV": "use_pass_uv",
+    "Object Index": "use_pass_object_index",
+    "Material Index": "use_pass_material_index",
+}
+# What Blender called passes before version 5, where that was another name: files and the sockets of
+# its compositor go by these.
+NAMES_BEFORE_5 = {
+    "Object Index": "IndexOB",
+    "Material Index": "IndexMA",
+}
+# What the denoiser reads.
+GUIDES = ("Albedo", "Normal")
 
 
 class Pass(NamedTuple):
     """A pass as Blender wants it registered."""
 
+    # As the contract has it.
+    source: str
+    # As this version of Blender has it.
     name: str
     channels: str
     kind: str
     doc: str
+    # Whether the exposure of the film scales it.
+    is_light: bool
+    # What each pixel takes for it beside what it takes in any case.
+    extra_bytes: int
 
 
 def switch_name(name: str) -> str:
@@ -32,27 +54,50 @@ def switch_name(name: str) -> str:
 
 def all_passes() -> Iterator[Pass]:
     """List every pass the renderer can make."""
+    renamed = NAMES_BEFORE_5 if bpy.app.version < (5, 0, 0) else {}
     for spec in core.contract()["passes"]:
-        yield Pass(spec["name"], spec["channels"], spec["type"], spec["doc"])
+        source = spec["name"]
+        yield Pass(
+            source,
+            renamed.get(source, source),
+            spec["channels"],
+            spec["type"],
+            spec["doc"],
+            spec["is_light"],
+            spec["extra_bytes"],
+        )
 
 
 def own_passes() -> Iterator[Pass]:
     """List the passes that Blender has no switch for."""
-    return (p for p in all_passes() if p.name != "Combined" and p.name not in BLENDER_SWITCH)
+    return (p for p in all_passes() if p.source not in BLENDER_SWITCH and p.source != "Combined")
 
 
-def is_enabled(view_layer: bpy.types.ViewLayer, name: str) -> bool:
-    """Tell whether a view layer asks for a pass."""
-    if name == "Combined":
+def is_enabled(view_layer: bpy.types.ViewLayer, source: str) -> bool:
+    """Tell whether a view layer asks for a pass of the contract."""
+    if source == "Combined":
         return True
-    if name in BLENDER_SWITCH:
-        return getattr(view_layer, BLENDER_SWITCH[name])
-    return getattr(cast(Any, view_layer).dualcone, switch_name(name))
+    if source in BLENDER_SWITCH:
+        return getattr(view_layer, BLENDER_SWITCH[source])
+    return getattr(cast(Any, view_layer).dualcone, switch_name(source))
 
 
 def enabled_passes(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:
     """List the passes that a view layer asks for."""
-    return (p for p in all_passes() if is_enabled(view_layer, p.name))
+    return (p for p in all_passes() if is_enabled(view_layer, p.source))
+
+
+def wanted(view_layer: bpy.types.ViewLayer, is_denoised: bool) -> Iterator[str]:
+    """Name what to render for a view layer, as the contract does; a denoiser needs guides."""
+    sources = [p.source for p in enabled_passes(view_layer)]
+    yield from sources
+    if is_denoised:
+        yield from (guide for guide in GUIDES if guide not in sources)
+
+
+def bytes_per_pixel(view_layer: bpy.types.ViewLayer) -> int:
+    """Return what each pixel takes for passes beside what it takes in any case."""
+    return sum(p.extra_bytes for p in enabled_passes(view_layer))
 
 
 class Canvas:
@@ -69,6 +114,7 @@ class Canvas:
         self._view_layer = view_layer
         self._shape = shape
         self._exposure = np.array([exposure, exposure, exposure, 1.0], np.float32)
+        self._passes = {p.name: p for p in all_passes()}
         self._result: bpy.types.RenderResult | None = None
 
     def _opened(self) -> bpy.types.RenderResult:
@@ -79,23 +125,25 @@ class Canvas:
         return self._result
 
     def write(self, pixels: Mapping[str, np.ndarray]) -> None:
-        """Copy arrays (H, W, channels), rows from the bottom up, into the passes of the same name.
+        """Copy arrays (H, W, channels), rows from the bottom up, into the passes of Blender.
 
-        With stereo every view has a pass of that name, and all get the same picture.
+        They go by the names of the contract. With stereo every view has a pass of each name, and
+        all get the same picture.
 
         Raises:
             ValueError: an array does not fit what Blender allocated.
         """
         result = self._opened()
         for target in result.layers[0].passes:
-            source = pixels.get(target.name)
-            if source is None:
+            known = self._passes.get(target.name)
+            source = pixels.get(known.source) if known else None
+            if known is None or source is None:
                 continue
             wanted = (result.resolution_y, result.resolution_x, target.channels)
             if source.shape != wanted:
                 raise ValueError(f"pass {target.name}: expected shape {wanted}, got {source.shape}")
-            if target.name in EXPOSED:
-                source = source * self._exposure
+            if known.is_light:
+                source = source * self._exposure[: target.channels]
             rect: Any = target.rect  # An array property; the stubs call it a float.
             rect.foreach_set(np.ascontiguousarray(source, np.float32).ravel())
 

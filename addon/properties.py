@@ -49,8 +49,8 @@ def _scene_group() -> type:
 
 def _view_layer_group() -> type:
     switches: dict[str, object] = {
-        passes.switch_name(p.name): bpy.props.BoolProperty(
-            name=p.name, description=p.doc.rstrip("."), update=_ON_SWITCH
+        passes.switch_name(p.source): bpy.props.BoolProperty(
+            name=p.source, description=p.doc.rstrip("."), update=_ON_SWITCH
         )
         for p in passes.own_passes()
     }

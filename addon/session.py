@@ -89,6 +89,8 @@ class Recipe:
     settings: tuple[tuple[str, Any], ...]
     region: Region
     step: int
+    # Passes that are wanted, by their names in the contract.
+    passes: tuple[str, ...] = ("Combined",)
 
 
 @dataclass(frozen=True)
@@ -186,9 +188,12 @@ def plan_targets(
     return [frame, *(later for later in ahead if not is_skipped(later))]
 
 
-def frames_in_memory(pixels: int, memory_bytes: int) -> int:
-    """Tell how many frames of that many pixels may be rendered together, at least one."""
-    per_frame = max(1, pixels) * BYTES_PER_PIXEL_AND_FRAME
+def frames_in_memory(pixels: int, memory_bytes: int, pass_bytes: int = 0) -> int:
+    """Tell how many frames of that many pixels may be rendered together, at least one.
+
+    `pass_bytes` are those of the wanted passes, for each pixel.
+    """
+    per_frame = max(1, pixels) * (BYTES_PER_PIXEL_AND_FRAME + pass_bytes)
     return max(1, int(memory_bytes * MEMORY_SHARE) // per_frame)
 
 
@@ -280,7 +285,13 @@ def _start(core: ModuleType, order: Order, scenes: Sequence[Any]) -> Any:
     with _core_errors():
         frames = [core.SceneFrame(s.frame, s.meshes, s.images, s.arrays) for s in scenes]
         return core.Render(
-            frames, order.targets, recipe.step, region, dict(recipe.settings), order.threads
+            frames,
+            order.targets,
+            recipe.step,
+            region,
+            dict(recipe.settings),
+            order.threads,
+            list(recipe.passes),
         )
 
 

@@ -301,10 +301,10 @@ class DUALCONE_PT_passes(RenderPanel, bpy.types.Panel):
         view_layer: Any = context.view_layer
         column = layout.column(heading="Include")
         for render_pass in passes.all_passes():
-            if switch := passes.BLENDER_SWITCH.get(render_pass.name):
-                column.prop(view_layer, switch, text=render_pass.name)
+            if switch := passes.BLENDER_SWITCH.get(render_pass.source):
+                column.prop(view_layer, switch, text=render_pass.source)
         for render_pass in passes.own_passes():
-            column.prop(view_layer.dualcone, passes.switch_name(render_pass.name))
+            column.prop(view_layer.dualcone, passes.switch_name(render_pass.source))
 
 
 CLASSES = (

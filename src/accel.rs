@@ -154,7 +154,9 @@ mod tests {
     use crate::contract::{Given, Numbers};
     use crate::kernel::Positions;
     use crate::math::statistics::Random;
-    use crate::scene::{Instance, Placement, Reach, Shutter, Trajectory, Visibility, World};
+    use crate::scene::{
+        ForPasses, Instance, Placement, Reach, Shutter, Trajectory, Visibility, World,
+    };
     use glam::{Affine3A, EulerRot, Mat3A, Quat, Vec3};
     use std::sync::Arc;
 
@@ -236,6 +238,7 @@ mod tests {
             lights: vec![],
             camera: crate::testing::camera(Vec3::ZERO, Vec3::Y, 1.0),
             shutter: Shutter::default(),
+            passes: ForPasses::default(),
             world: World {
                 radiance: Vec3A::ZERO,
                 image: None,
@@ -315,6 +318,7 @@ mod tests {
             lights: vec![],
             camera: frame.camera,
             shutter: Shutter::default(),
+            passes: ForPasses::default(),
             world: frame.world.clone(),
         }
     }

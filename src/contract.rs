@@ -5,7 +5,8 @@
 //! Shapes use letters for lengths that a caller chooses: V vertices, T triangles, I instances,
 //! S material slots, M materials, N instructions, P operands, K constants, Q rows of tables,
 //! A layers, L lights, H x W pixels, J moving instances, R placements of them, Y times while the
-//! shutter is open, U parts of its time.
+//! shutter is open, U parts of its time, E frames around, F instances that differ there, with W
+//! vertices.
 
 use crate::error::{Error, Result};
 
@@ -240,6 +241,13 @@ pub const FRAME: &[ArraySpec] = &[
         "First instruction and number of instructions of each material's program.",
     ),
     array(
+        "material_index",
+        F32,
+        &["M"],
+        "1",
+        "Pass index of each material.",
+    ),
+    array(
         "program_instructions",
         U32,
         &["N", "4"],
@@ -415,6 +423,48 @@ pub const FRAME: &[ArraySpec] = &[
         "Projections at the same times.",
     ),
     array(
+        "flow_camera",
+        F32,
+        &["E", "3", "4"],
+        "m, world from camera",
+        "For the pass Vector, like all that begins with `flow_`: placements of the camera in the frame before and the one after; none without the pass.",
+    ),
+    array(
+        "flow_camera_clip",
+        F32,
+        &["E", "4", "4"],
+        "clip from camera",
+        "Projections in the same frames.",
+    ),
+    array(
+        "flow_instances",
+        U32,
+        &["F"],
+        "instance",
+        "The instances that are elsewhere in those frames, or have another form.",
+    ),
+    array(
+        "flow_placements",
+        F32,
+        &["F", "2", "3", "4"],
+        "m, world from object",
+        "Their placements before and after.",
+    ),
+    array(
+        "flow_first_vertex",
+        I32,
+        &["F"],
+        "vertex or -1",
+        "Where in `flow_vertices` those of their mesh begin, if it has another form in those frames.",
+    ),
+    array(
+        "flow_vertices",
+        F32,
+        &["W", "2", "3"],
+        "m, object",
+        "Vertices before and after, mesh by mesh.",
+    ),
+    array(
         "shutter_curve",
         F32,
         &["U"],
@@ -457,6 +507,13 @@ pub const FRAME: &[ArraySpec] = &[
         "Number of the last bounce that it lights, counted from 0.",
     ),
     array(
+        "mist",
+        F32,
+        &["3"],
+        "m, m, 1",
+        "Distance at which the world's mist begins, how far from there it hides everything, and the power of the share of the way.",
+    ),
+    array(
         "environment_from_world",
         F32,
         &["3", "3"],
@@ -494,6 +551,21 @@ pub struct SettingSpec {
     pub doc: &'static str,
 }
 
+/// What a film keeps of a pass, and how its numbers come of that.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Keep {
+    /// What every film keeps.
+    Always,
+    /// The numbers of the first sample: they do not average.
+    First,
+    /// The sum over the samples, for their mean.
+    Mean,
+    /// The same and the number of samples that have any, for the mean over those.
+    MeanSeen,
+    /// The sum over the samples, to divide by that of another pass, which is then kept too.
+    Over(&'static str),
+}
+
 /// One render pass.
 #[derive(Debug, Clone, Copy)]
 pub struct PassSpec {
@@ -503,65 +575,85 @@ pub struct PassSpec {
     pub channels: &'static str,
     /// Blender's pass type: COLOR, VECTOR or VALUE.
     pub kind: &'static str,
+    /// What a film keeps of it.
+    pub keep: Keep,
     /// What it is.
     pub doc: &'static str,
+}
+
+impl PassSpec {
+    /// Whether it shows light, which the film's exposure scales.
+    pub fn is_light(&self) -> bool {
+        LIGHT.contains(&self.name) || matches!(self.keep, Keep::Over(_))
+    }
+
+    /// Bytes that a pixel takes for it beside what it takes in any case: a sum and a result for each
+    /// channel.
+    pub fn extra_bytes(&self) -> usize {
+        match self.keep {
+            Keep::Always => 0,
+            _ => 2 * size_of::<f32>() * self.channels.len(),
+        }
+    }
+
+    /// The pass of this name.
+    ///
+    /// # Errors
+    /// A name that the table does not have.
+    pub fn named(name: &str) -> Result<&'static Self> {
+        let unknown = || Error::Unknown { name: name.into() };
+        PASSES
+            .iter()
+            .find(|spec| spec.name == name)
+            .ok_or_else(unknown)
+    }
 }
 
 const fn pass(
     name: &'static str,
     channels: &'static str,
     kind: &'static str,
+    keep: Keep,
     doc: &'static str,
 ) -> PassSpec {
     PassSpec {
         name,
         channels,
         kind,
+        keep,
         doc,
     }
 }
 
-/// Every pass that a render returns.
+use Keep::{Always, First, Mean, MeanSeen};
+
+/// Every pass that can be rendered, called as Blender 5 calls it.
+#[rustfmt::skip] // One line each.
 pub const PASSES: &[PassSpec] = &[
-    pass(
-        "Combined",
-        "RGBA",
-        "COLOR",
-        "Radiance and coverage; colour is premultiplied by alpha.",
-    ),
-    pass(
-        "Depth",
-        "Z",
-        "VALUE",
-        "Distance along the viewing axis in the first sample [m]; 1e10 for the background.",
-    ),
-    pass(
-        "Normal",
-        "XYZ",
-        "VECTOR",
-        "Mean shading normal in world space.",
-    ),
-    pass(
-        "Albedo",
-        "RGB",
-        "COLOR",
-        "Mean share of light that the surface reflects.",
-    ),
-    pass("Noisy Image", "RGBA", "COLOR", "Combined before denoising."),
-    pass("Sample Count", "X", "VALUE", "Camera rays of the pixel."),
-    pass(
-        "Borrowing",
-        "X",
-        "VALUE",
-        "From where the pixel borrows samples: 1 from all frames, 0.5 from its own frame only, 0 from nowhere, where it was found to be better off so.",
-    ),
-    pass(
-        "Effective Samples",
-        "X",
-        "VALUE",
-        "Gather samples that the pixel's indirect light is worth, borrowed ones included.",
-    ),
+    pass("Combined", "RGBA", "COLOR", Always, "Radiance and coverage; colour is premultiplied by alpha."),
+    pass("Depth", "Z", "VALUE", Always, "Distance along the viewing axis in the first sample [m]; 1e10 for the background."),
+    pass("Mist", "Z", "VALUE", Mean, "From 0 near the camera to 1 in the distance, by the world's mist settings; 1 for the background."),
+    pass("Position", "XYZ", "VECTOR", First, "World space, in the first sample [m]; 0 for the background."),
+    pass("Normal", "XYZ", "VECTOR", Always, "Mean shading normal in world space."),
+    pass("Vector", "XYZW", "VECTOR", MeanSeen, "How the surface moves in the picture: from the frame before to this one in X and Y, from this one to the next in Z and W [pixel]."),
+    pass("UV", "UVA", "VECTOR", Mean, "Mean texture coordinate of the map that is active for rendering, and the share of surfaces that have one."),
+    pass("Object Index", "X", "VALUE", First, "Pass index of the object in the first sample; 0 for the background."),
+    pass("Material Index", "X", "VALUE", First, "Pass index of the material in the first sample; 0 for the background."),
+    pass("Albedo", "RGB", "COLOR", Always, "Mean share of light that the surface reflects."),
+    pass("Noisy Image", "RGBA", "COLOR", Always, "Combined before denoising."),
+    pass("Sample Count", "X", "VALUE", Always, "Camera rays of the pixel."),
+    pass("Borrowing", "X", "VALUE", Always, "From where the pixel borrows samples: 1 from all frames, 0.5 from its own frame only, 0 from nowhere, where it was found to be better off so."),
+    pass("Effective Samples", "X", "VALUE", Always, "Gather samples that the pixel's indirect light is worth, borrowed ones included."),
 ];
+
+/// Names of the passes that cost nothing: every film keeps them.
+pub fn always_kept() -> Vec<String> {
+    let kept = PASSES.iter().filter(|spec| spec.keep == Keep::Always);
+    kept.map(|spec| spec.name.to_owned()).collect()
+}
+
+/// Passes of light, beside those that are divided by a colour.
+const LIGHT: &[&str] = &["Combined", "Noisy Image"];
 
 macro_rules! settings {
     ($($(#[doc = $doc:literal])+ $name:ident: $type:ty = $kind:expr, $label:literal;)+) => {

@@ -3,9 +3,13 @@
 use glam::{Vec2, Vec3A};
 use rayon::prelude::*;
 
-use crate::contract::{PASSES, Settings};
+use crate::contract::{PassSpec, Settings};
 use crate::error::{Error, Result};
 use crate::math::{PixelFilter, luminance};
+
+mod extra;
+
+pub use extra::{Extra, Layout, Row};
 
 /// Depth of a pixel that shows the background, as Blender writes it [m].
 const BACKGROUND_DEPTH: f32 = 1e10;
@@ -152,11 +156,48 @@ impl PixelSums {
     }
 }
 
+/// A row of pixels, to write.
+pub struct FilmRow<'a> {
+    sums: &'a mut [PixelSums],
+    layout: &'a Layout,
+    numbers: &'a mut [f32],
+}
+
+/// One pixel, to write.
+pub struct Pixel<'a> {
+    /// What every film keeps.
+    pub sums: &'a mut PixelSums,
+    /// What passes keep that were asked for.
+    pub extra: Extra<'a>,
+}
+
+impl FilmRow<'_> {
+    /// The pixel in column `x`.
+    pub fn pixel(&mut self, x: usize) -> Pixel<'_> {
+        let (layout, stride) = (self.layout, self.layout.stride());
+        Pixel {
+            sums: &mut self.sums[x],
+            extra: Extra {
+                layout,
+                numbers: &mut self.numbers[x * stride..(x + 1) * stride],
+            },
+        }
+    }
+
+    /// Pixels in the row.
+    pub fn width(&self) -> usize {
+        self.sums.len()
+    }
+}
+
 /// The sums of a frame's pixels.
 pub struct Film {
     /// The rectangle.
     pub region: Region,
     pixels: Vec<PixelSums>,
+    layout: Layout,
+    /// Numbers of passes, pixel by pixel as the layout says.
+    numbers: Vec<f32>,
     samples: u32,
     noise: Option<NoiseMeter>,
 }
@@ -213,11 +254,14 @@ impl NoiseMeter {
 }
 
 impl Film {
-    /// A film without samples.
-    pub fn new(region: Region) -> Self {
+    /// A film without samples, for the passes of a layout.
+    pub fn new(region: Region, layout: Layout) -> Self {
+        let pixels = region.width * region.height;
         Self {
             region,
-            pixels: vec![PixelSums::default(); region.width * region.height],
+            pixels: vec![PixelSums::default(); pixels],
+            numbers: vec![0.0; pixels * layout.stride()],
+            layout,
             samples: 0,
             noise: None,
         }
@@ -237,8 +281,20 @@ impl Film {
     }
 
     /// The rows, from the lowest.
-    pub fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [PixelSums]> {
-        self.pixels.par_chunks_exact_mut(self.region.width)
+    pub fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = FilmRow<'_>> {
+        let (width, layout) = (self.region.width, &self.layout);
+        let mut rest = &mut self.numbers[..];
+        let rows = self.pixels.chunks_exact_mut(width).map(|sums| {
+            let numbers = rest
+                .split_off_mut(..width * layout.stride())
+                .unwrap_or_default();
+            FilmRow {
+                sums,
+                layout,
+                numbers,
+            }
+        });
+        rows.collect::<Vec<_>>().into_par_iter()
     }
 
     /// Counts an iteration that is complete in every pixel.
@@ -282,7 +338,17 @@ impl Film {
             "Albedo" => each(|p, mean| Vec3A::from(p.albedo) * mean),
             "Sample Count" => vec![self.samples as f32; self.pixels.len()],
             "Effective Samples" => self.pixels.iter().map(|p| p.effective_samples).collect(),
-            _ => Vec::new(),
+            _ => PassSpec::named(pass).map_or_else(
+                |_| Vec::new(),
+                |spec| {
+                    extra::resolve(
+                        &self.layout,
+                        &self.numbers,
+                        Row::of(spec.name),
+                        self.samples,
+                    )
+                },
+            ),
         }
     }
 
@@ -299,14 +365,13 @@ impl Film {
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
         let halves = self.noise.as_ref().map_or(0, |_| size_of::<f32>());
-        self.pixels.len() * (size_of::<PixelSums>() + halves)
+        self.pixels.len() * (size_of::<PixelSums>() + halves) + size_of_val(&self.numbers[..])
     }
 }
 
 /// Channels of a pass of the contract.
 pub fn channels(pass: &str) -> usize {
-    let spec = PASSES.iter().find(|spec| spec.name == pass);
-    spec.map_or(0, |spec| spec.channels.len())
+    PassSpec::named(pass).map_or(0, |spec| spec.channels.len())
 }
 
 /// The pixel filter that the settings ask for.

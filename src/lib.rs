@@ -29,6 +29,7 @@ pub mod record;
 pub mod progress;
 pub mod surface;
 pub mod path;
+pub mod passes;
 pub mod reuse;
 pub mod render;
 #[cfg(feature = "python")]

@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use glam::Vec3A;
 
 use crate::accel::Accel;
-use crate::contract::{Method, PASSES, Settings};
+use crate::contract::{Method, Settings};
 use crate::error::{Error, Result};
-use crate::film::{Film, Region, pixel_filter};
+use crate::film::{Film, Layout, Region, pixel_filter};
 use crate::path::Tracer;
 use crate::progress::{Phase, Progress};
 use crate::reuse::{
@@ -32,6 +32,8 @@ pub struct Job {
     pub region: Region,
     /// Settings.
     pub settings: Settings,
+    /// Names of the passes that are wanted.
+    pub passes: Vec<String>,
     /// Threads; 0 means as many as the machine has.
     pub threads: usize,
 }
@@ -40,8 +42,8 @@ pub struct Job {
 pub struct Rendered {
     /// The frame's number.
     pub frame: i32,
-    /// Every pass of the contract, by name.
-    pub passes: Vec<(&'static str, Vec<f32>)>,
+    /// The passes that were asked for, by name.
+    pub passes: Vec<(String, Vec<f32>)>,
     /// What it took.
     pub report: Report,
 }
@@ -279,6 +281,7 @@ impl Iterations<'_> {
         if frames.is_empty() {
             return Err(Error::Missing { field: "targets" });
         }
+        let layout = Layout::new(self.job.passes.iter().map(String::as_str))?;
         let target = |&frame: &i32| {
             let index = window.position(frame).unwrap_or_default();
             let frames = lenders(&self.job.settings, frame, self.job.step);
@@ -286,7 +289,7 @@ impl Iterations<'_> {
             Target {
                 index,
                 lenders: positions.filter(|&l| self.is_one_shot(index, l)).collect(),
-                film: self.film(),
+                film: self.film(&layout),
                 history: estimator.history(self.views[0].region),
                 is_done: false,
             }
@@ -301,8 +304,8 @@ impl Iterations<'_> {
             || !shot.windows(2).any(|pair| pair[0].is_cut_before(&pair[1]))
     }
 
-    fn film(&self) -> Film {
-        let mut film = Film::new(self.views[0].region);
+    fn film(&self, layout: &Layout) -> Film {
+        let mut film = Film::new(self.views[0].region, layout.clone());
         let settings = &self.job.settings;
         if settings.noise_threshold > 0.0 || settings.time_limit > 0.0 {
             film.watch_noise();
@@ -362,7 +365,8 @@ impl Iterations<'_> {
             "Borrowing" => estimator.borrowing(&target.history, target.film.region),
             _ => target.film.resolve(pass),
         };
-        let passes = PASSES.iter().map(|pass| (pass.name, numbers(pass.name)));
+        let passes = &self.job.passes;
+        let passes = passes.iter().map(|pass| (pass.clone(), numbers(pass)));
         let passes = passes.collect();
         Rendered {
             frame: self.views[target.index].tracer.frame.frame,

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec3, Vec3A};
 
-use crate::contract::{Given, Numbers, Settings};
+use crate::contract::{Given, Numbers, Settings, always_kept};
 use crate::film::Region;
 use crate::progress::Progress;
 use crate::render::{Job, Rendered, render};
 use crate::scene::{
-    Camera, Image, Instance, Lens, Light, Lookup, Material, Membership, Mesh, Placement,
+    Camera, ForPasses, Image, Instance, Lens, Light, Lookup, Material, Membership, Mesh, Placement,
     Projection, Reach, SceneFrame, Shutter, Visibility, World,
 };
 use crate::shader::ObjectInfo;
@@ -76,6 +76,7 @@ impl Scene {
             camera: self.camera,
             shutter: self.shutter.clone(),
             world: self.world.clone(),
+            passes: ForPasses::default(),
         })
     }
 }
@@ -311,6 +312,7 @@ impl Shoot<'_> {
                 height,
             },
             settings: self.settings.clone(),
+            passes: always_kept(),
             threads: self.threads,
         }
     }

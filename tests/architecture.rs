@@ -12,7 +12,7 @@ const LAYERS: &[&[&str]] = &[
     &["image", "shader"],
     &["scene", "film"],
     &["accel", "sampling", "record"],
-    &["progress", "surface", "path"],
+    &["progress", "surface", "path", "passes"],
     &["reuse"],
     &["render"],
     &["python"],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
@@ -13,15 +13,17 @@ import numpy as np
 
 from .cache import ExportCache
 from .camera import export_camera
+from .flow import FlowTable, still_flow
 from .image import ImageTable
 from .instance import InstanceTable
 from .light import LightTable
 from .material import MaterialTable
 from .motion import MotionTable, still_arrays
 from .report import Warnings
+from .shader.layers import ACTIVE_UV
 from .shutter import SetTime, read_shutter, set_time
 from .simulation import warn_of_unbaked
-from .world import export_world
+from .world import export_world, mist
 
 
 @dataclass(frozen=True)
@@ -46,11 +48,13 @@ def export_frame(
     core: Any,
     should_stop: Callable[[], bool],
     move: SetTime | None = None,
+    passes: Collection[str] = (),
 ) -> ExportedFrame:
     """Export the scene as it is evaluated now; moving it to `frame` is the caller's business.
 
     `resolution` is the whole frame in pixels, before any border. `core` is the compiled module.
-    `move` moves the scene to a frame and subframe; motion blur needs it, and does not go back.
+    `move` moves the scene to a frame and subframe; motion blur and the pass Vector need it, and do
+    not go back. `passes` are those of the contract that will be asked for.
     Raises ExportError with a message for the user, ExportStopped once `should_stop()` is true.
     """
     started = perf_counter()
@@ -64,17 +68,33 @@ def export_frame(
     images = ImageTable(cache, core, warnings, frame)
     materials = MaterialTable(depsgraph, cache, core, images, warnings)
     lights = LightTable(warnings, materials)
+    has_flow = move is not None and "Vector" in passes
     instances = InstanceTable(
-        depsgraph, cache, core, materials, lights, warnings, should_stop, shutter is not None
+        depsgraph,
+        cache,
+        core,
+        materials,
+        lights,
+        warnings,
+        should_stop,
+        is_blurred=shutter is not None,
+        is_visited_again=shutter is not None or has_flow,
+        layers=frozenset({ACTIVE_UV} if "UV" in passes else ()),
     )
     cache.begin_frame(depsgraph)
     instances.read()
     world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
     arrays |= instances.arrays() | materials.arrays() | lights.arrays() | still_arrays()
+    arrays |= still_flow() | {"mist": mist(world)}
     arrays |= export_world(world, images, time, warnings, should_stop).arrays()
+    # The flow first: motion gives instances other meshes.
+    if move and has_flow:
+        flow = FlowTable(depsgraph, cache, instances, arrays, resolution, should_stop)
+        flow.read(time, 1.0, move)
+        arrays |= flow.arrays()
     if move and shutter:
         motion = MotionTable(depsgraph, cache, instances, arrays, resolution, should_stop)
-        motion.read(shutter, time, move)
+        motion.read(time, 0.5 * shutter.length, move)
         arrays |= motion.arrays() | {"shutter_curve": shutter.curve}
     warn_of_unbaked(depsgraph, warnings)
     parts = [mesh.digest for mesh in instances.meshes] + [image.digest for image in images.used]

@@ -96,6 +96,10 @@ class InstanceTable:
     warnings: Warnings
     should_stop: Callable[[], bool]
     is_blurred: bool = False
+    # Whether `visit_again` will be called.
+    is_visited_again: bool = False
+    # Layers of all meshes, beside those that materials read.
+    layers: frozenset[str] = frozenset()
     meshes: list[CachedMesh] = field(default_factory=list)
     _mesh_rows: dict[bytes, int] = field(default_factory=dict)
     _shapes: dict[tuple[int, int], list[Shape]] = field(default_factory=dict)
@@ -111,7 +115,7 @@ class InstanceTable:
     _infos: array = field(default_factory=lambda: array("f"))
     _seen: list[Seen] = field(default_factory=list)
     _seen_by: dict[tuple[int, int], Seen] = field(default_factory=dict)
-    # What was placed for the items of each key, in their order, if there is motion blur.
+    # What was placed for the items of each key, in their order, if they are visited again.
     _visits: dict[int, list[list[Placed]]] = field(default_factory=dict)
 
     def read(self) -> None:
@@ -129,7 +133,7 @@ class InstanceTable:
                 for shape in self._shapes_of(owner)
                 if (item.show_particles if shape.is_hair else item.show_self)
             ]
-            if placed and self.is_blurred:
+            if placed and self.is_visited_again:
                 self._visits.setdefault(self._hash(item, owner), []).append(placed)
 
     def visit_again(self) -> Iterator[tuple[Any, Any, list[Placed]]]:
@@ -303,7 +307,7 @@ class InstanceTable:
 
     def _mesh_shapes(self, owner: bpy.types.Object) -> list[Shape]:
         rows = self._material_rows(owner)
-        layers = frozenset[str]().union(*(self.materials.layers[row] for row in rows))
+        layers = self.layers.union(*(self.materials.layers[row] for row in rows))
         mesh = self._mesh(owner, layers)
         shapes = []
         if mesh is not None:

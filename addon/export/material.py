@@ -31,6 +31,7 @@ class MaterialTable:
     programs: Programs = field(default_factory=Programs)
     # What each material reads from meshes, by the names in `shader/layers.py`.
     layers: list[frozenset[str]] = field(default_factory=list)
+    _pass_indices: list[int] = field(default_factory=list)
     _rows: dict[int, int] = field(default_factory=dict)
 
     @cached_property
@@ -57,6 +58,7 @@ class MaterialTable:
             self.programs.add(program, self.images, self.depsgraph)
             self._rows[uid] = len(self.layers)
             self.layers.append(frozenset(program.layers))
+            self._pass_indices.append(compiler.material_index)
         return self._rows[uid]
 
     def _program(self, uid: int, compiler: Compiler, compile_owner: Callable[[], None]) -> Program:
@@ -71,8 +73,9 @@ class MaterialTable:
         return program
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The `material_programs` and `program_*` arrays of the contract."""
-        return self.programs.arrays()
+        """The `material_*` and `program_*` arrays of the contract."""
+        indices = np.array(self._pass_indices, np.float32)
+        return {**self.programs.arrays(), "material_index": indices}
 
 
 def uses_nodes(owner: bpy.types.Material | bpy.types.World) -> bool:

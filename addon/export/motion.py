@@ -1,7 +1,8 @@
-"""What moves while the shutter is open: objects, vertices, the camera.
+"""What is elsewhere at other times: objects, vertices, the camera.
 
 The rest of the export shows the middle of the shutter's time. From there the scene is moved to the
-times that the objects and the camera ask for, and what differs there is kept.
+times that are asked for, and what differs there is kept: for motion blur those that the shutter
+passes, as the objects and the camera want them; for the pass Vector the frames before and after.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ import numpy as np
 
 from .cache import CachedMesh, ExportCache
 from .camera import camera_matrices
-from .instance import InstanceTable, Shape
+from .instance import InstanceTable, Placed, Shape
 from .points import placements, read_points
 from .report import ExportStopped
-from .shutter import SetTime, Shutter, Times, motion_steps, motion_times, set_time
+from .shutter import SetTime, Times, motion_steps, motion_times, set_time
 from .transform import is_singular
 
 # Relative difference of two matrices from which on something moves.
@@ -31,8 +32,8 @@ CAMERA_ARRAYS = {"world_from_camera": "camera_motion", "clip_from_camera": "came
 
 
 @dataclass
-class MotionTable:
-    """What differs from the middle of the shutter's time, for the objects of an exported frame."""
+class TimeTable:
+    """What differs at other times from the exported one, for the objects of an exported frame."""
 
     depsgraph: bpy.types.Depsgraph
     cache: ExportCache
@@ -47,24 +48,38 @@ class MotionTable:
     # What was not there, or another thing, at some time.
     _lost_shapes: set[int] = field(default_factory=set)
     _camera: dict[Fraction, dict[str, np.ndarray]] = field(default_factory=dict)
-    _camera_times: Times = ()
 
-    def read(self, shutter: Shutter, middle: float, move: SetTime) -> None:
-        """Look at the scene at all times but the middle one, which is `middle` [frames].
+    def read(self, middle: float, unit: float, move: SetTime) -> None:
+        """Look at the scene at all times but the middle one.
 
-        Leaves the scene at the last of them. Raises ExportStopped.
+        Args:
+            middle: the exported time [frames].
+            unit: how far from there the time 1 is [frames].
+            move: moves the scene, which is left at the last of the times.
+
+        Raises:
+            ExportStopped: the user wants to stop.
         """
         camera = self.depsgraph.scene.camera
-        self._camera_times = motion_times(motion_steps(camera, camera)[0])
-        times = set(self._camera_times).union(*{p.times for p in self.instances.placed()})
+        camera_times = self._times_of_camera()
+        times = set(camera_times).union(*{self._times(p) for p in self.instances.placed()})
         for time in sorted(times - {Fraction(0)}):
             if self.should_stop():
                 raise ExportStopped
-            set_time(move, middle + 0.5 * float(time) * shutter.length)
-            if time in self._camera_times:
+            set_time(move, middle + float(time) * unit)
+            if time in camera_times:
                 found = camera.evaluated_get(self.depsgraph)
                 self._camera[time] = camera_matrices(found, self.depsgraph, self.resolution)
             self._read_objects(time)
+
+    def _times(self, placed: Placed) -> Times:
+        raise NotImplementedError
+
+    def _times_of_camera(self) -> Times:
+        raise NotImplementedError
+
+    def _is_deforming(self, placed: Placed) -> bool:
+        raise NotImplementedError
 
     def _read_objects(self, time: Fraction) -> None:
         changed = self.cache.changed(self.depsgraph)
@@ -72,7 +87,7 @@ class MotionTable:
         read: set[int] = set()
         for item, owner, all_placed in self.instances.visit_again():
             for placed in all_placed:
-                if time not in placed.times:
+                if time not in self._times(placed):
                     continue
                 found = np.array(item.matrix_world, np.float32)[None, :3]
                 if placed.shape.balls is not None:
@@ -81,7 +96,7 @@ class MotionTable:
                     rows.extend(range(placed.row, placed.row + placed.count))
                     matrices.frombytes(found.tobytes())
                 shape = placed.shape
-                if placed.is_deforming and id(shape) not in read:
+                if self._is_deforming(placed) and id(shape) not in read:
                     read.add(id(shape))
                     if owner.original.session_uid in changed:
                         self._read_form(shape, owner, time)
@@ -98,6 +113,43 @@ class MotionTable:
     def _base_positions(self, shape: Shape) -> np.ndarray:
         return np.asarray(self.instances.meshes[shape.mesh].handle.vertices)
 
+    def _ways(self, rows: np.ndarray, times: Times) -> np.ndarray:
+        """Matrices (N, times, 3, 4); NaN where an instance was not there."""
+        base = self.instances.all_matrices()
+        ways = np.full((len(rows), len(times), 3, 4), np.nan, np.float32)
+        for index, time in enumerate(times):
+            at_time = base
+            if time in self._matrices:
+                there, matrices = self._matrices[time]
+                at_time = np.full_like(base, np.nan)
+                at_time[there] = matrices
+            ways[:, index] = at_time[rows]
+        return ways
+
+    def _moved_shapes(self) -> Iterator[tuple[Placed, dict[Fraction, np.ndarray]]]:
+        """An instance of each shape that changes its form, and its positions at the times read."""
+        shapes = {id(placed.shape): placed for placed in self.instances.placed()}
+        for name, found in self._positions.items():
+            base = self._base_positions(shapes[name].shape)
+            moves = any(differs(positions, base).any() for positions in found.values())
+            if moves and name not in self._lost_shapes:
+                yield shapes[name], found
+
+
+@dataclass
+class MotionTable(TimeTable):
+    """What moves while the shutter is open. Time 1 is when it closes, -1 when it opens."""
+
+    def _times(self, placed: Placed) -> Times:
+        return placed.times
+
+    def _times_of_camera(self) -> Times:
+        camera = self.depsgraph.scene.camera
+        return motion_times(motion_steps(camera, camera)[0])
+
+    def _is_deforming(self, placed: Placed) -> bool:
+        return placed.is_deforming
+
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays of the contract that tell of motion; `instances` gets the meshes in motion."""
         moving = dict(self._moving_meshes())
@@ -106,7 +158,7 @@ class MotionTable:
 
     def _camera_arrays(self) -> dict[str, np.ndarray]:
         """`camera_motion` and `camera_motion_clip` of the contract."""
-        at_times = [self._camera.get(time, self.camera) for time in self._camera_times]
+        at_times = [self._camera.get(time, self.camera) for time in self._times_of_camera()]
         moves = any(
             not np.allclose(found[name], self.camera[name], rtol=STILL, atol=STILL)
             for found in at_times
@@ -134,19 +186,6 @@ class MotionTable:
             rows.append((np.cumsum(keep) - 1)[wanted[moving]])
         return packed(rows, ways)
 
-    def _ways(self, rows: np.ndarray, times: Times) -> np.ndarray:
-        """Matrices (N, times, 3, 4); NaN where an instance was not there."""
-        base = self.instances.all_matrices()
-        ways = np.full((len(rows), len(times), 3, 4), np.nan, np.float32)
-        for index, time in enumerate(times):
-            at_time = base
-            if time in self._matrices:
-                there, matrices = self._matrices[time]
-                at_time = np.full_like(base, np.nan)
-                at_time[there] = matrices
-            ways[:, index] = at_time[rows]
-        return ways
-
     def _moves(self, ways: np.ndarray) -> np.ndarray:
         """Which of the ways (N, times, 3, 4) lead anywhere, and can be gone."""
         if ways.shape[1] == 0:
@@ -157,15 +196,11 @@ class MotionTable:
 
     def _moving_meshes(self) -> Iterator[tuple[int, CachedMesh]]:
         """The shapes that change their form, by `id`, and their meshes in motion."""
-        shapes = {id(placed.shape): placed for placed in self.instances.placed()}
-        for name, found in self._positions.items():
-            placed = shapes[name]
+        for placed, found in self._moved_shapes():
             base = self._base_positions(placed.shape)
-            moves = any(differs(positions, base).any() for positions in found.values())
-            if moves and name not in self._lost_shapes:
-                mesh = self.instances.meshes[placed.shape.mesh]
-                at_times = np.stack([found.get(time, base) for time in placed.times])
-                yield name, self._moving(mesh, at_times)
+            mesh = self.instances.meshes[placed.shape.mesh]
+            at_times = np.stack([found.get(time, base) for time in placed.times])
+            yield id(placed.shape), self._moving(mesh, at_times)
 
     def _moving(self, mesh: CachedMesh, positions: np.ndarray) -> CachedMesh:
         content = hashlib.blake2b(mesh.digest, digest_size=16)

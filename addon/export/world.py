@@ -44,6 +44,18 @@ class World:
         }
 
 
+# Power of the share of the way into the mist, by Blender's names.
+FALLOFF = {"QUADRATIC": 2.0, "LINEAR": 1.0, "INVERSE_QUADRATIC": 0.5}
+
+
+def mist(world: bpy.types.World | None) -> np.ndarray:
+    """`mist` of the contract; without a world what Cycles takes."""
+    if world is None:
+        return np.array([0.0, 100.0, 1.0], np.float32)
+    settings = world.mist_settings
+    return np.array([settings.start, settings.depth, FALLOFF[settings.falloff]], np.float32)
+
+
 class _NotPlain(Exception):
     """More than the arrays of the contract can say."""
 

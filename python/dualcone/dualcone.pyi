@@ -24,11 +24,17 @@ class ArrayRow(TypedDict):
     doc: str
 
 class PassRow(TypedDict):
-    """One render pass; `type` is COLOR, VECTOR or VALUE, as Blender calls it."""
+    """One render pass; `type` is COLOR, VECTOR or VALUE, as Blender calls it.
+
+    The film's exposure scales what `is_light`. `extra_bytes` is what a pixel needs for it beside
+    what it needs in any case.
+    """
 
     name: str
     channels: str
     type: str
+    is_light: bool
+    extra_bytes: int
     doc: str
 
 class Contract(TypedDict):
@@ -168,7 +174,8 @@ class SceneFrame:
 class Render:
     """Renders `targets` in the background, beginning at once.
 
-    `frames` holds the scenes that `window_frames` names. Dropping the last reference cancels.
+    `frames` holds the scenes that `window_frames` names; without `passes` those are made that cost
+    nothing. Dropping the last reference cancels.
     """
 
     def __new__(
@@ -179,6 +186,7 @@ class Render:
         region: Region,
         settings: Mapping[str, Setting],
         threads: int,
+        passes: Sequence[str] | None = None,
     ) -> Render: ...
     def progress(self) -> Progress:
         """Return what the render does and how far it is."""

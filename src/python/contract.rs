@@ -34,6 +34,8 @@ pub fn contract(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
         row.set_item("name", pass.name)?;
         row.set_item("channels", pass.channels)?;
         row.set_item("type", pass.kind)?;
+        row.set_item("is_light", pass.is_light())?;
+        row.set_item("extra_bytes", pass.extra_bytes())?;
         row.set_item("doc", pass.doc)?;
         Ok(row)
     });

@@ -11,6 +11,7 @@ use pyo3::types::PyDict;
 
 use super::contract::settings;
 use super::scene::SceneFrame;
+use crate::contract::always_kept;
 use crate::error::Error;
 use crate::film::{Region, channels};
 use crate::progress::{Phase, Progress};
@@ -35,6 +36,7 @@ enum Outcome {
 #[pymethods]
 impl Render {
     #[new]
+    #[pyo3(signature = (frames, targets, step, region, settings, threads, passes = None))]
     fn new(
         frames: Vec<PyRef<'_, SceneFrame>>,
         targets: Vec<i32>,
@@ -42,6 +44,7 @@ impl Render {
         region: &Bound<'_, PyDict>,
         settings: &Bound<'_, PyDict>,
         threads: usize,
+        passes: Option<Vec<String>>,
     ) -> PyResult<Self> {
         let job = Job {
             frames: frames.iter().map(|frame| frame.0.clone()).collect(),
@@ -49,6 +52,7 @@ impl Render {
             step,
             region: region_of(region)?,
             settings: self::settings(settings)?,
+            passes: passes.unwrap_or_else(always_kept),
             threads,
         };
         let progress = Arc::new(Progress::default());
@@ -143,7 +147,8 @@ impl Render {
         };
         let passes = PyDict::new(py);
         for (name, numbers) in rendered.passes {
-            passes.set_item(name, self.array(py, numbers, channels(name))?)?;
+            let array = self.array(py, numbers, channels(&name))?;
+            passes.set_item(name, array)?;
         }
         let dict = PyDict::new(py);
         dict.set_item("passes", passes)?;

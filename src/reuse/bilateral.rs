@@ -111,12 +111,13 @@ impl Estimator for Bilateral {
         let rows = film
             .rows_mut()
             .zip(memory.par_chunks_mut(view.region.width));
-        view.for_rows(rows, |y, (sums, pixels)| {
-            for (x, (sum, pixel)) in sums.iter_mut().zip(pixels).enumerate() {
+        view.for_rows(rows, |y, (mut row, pixels)| {
+            for (x, pixel) in pixels.iter_mut().enumerate() {
                 let shot = view.shoot(x, y, iteration);
-                sum.add_sighting(iteration, &shot.seen);
-                sum.add_effective_samples(1.0);
-                sum.add_radiance(shot.radiance);
+                let mut target = row.pixel(x);
+                view.note(&shot, iteration, &mut target);
+                target.sums.add_effective_samples(1.0);
+                target.sums.add_radiance(shot.radiance);
                 *pixel = pixel_of(view, &shot);
             }
         })
@@ -125,11 +126,12 @@ impl Estimator for Bilateral {
     fn share(&self, sharing: &Sharing<Self::Memory>, (): &mut (), film: &mut Film) -> Result<()> {
         let (view, pixels) = (sharing.view(), &sharing.memories[sharing.target]);
         let width = view.region.width;
-        view.for_rows(film.rows_mut(), |y, row| {
-            for (x, sum) in row.iter_mut().enumerate() {
+        view.for_rows(film.rows_mut(), |y, mut row| {
+            for x in 0..width {
                 let pixel = &pixels[y * width + x];
                 if pixel.depth > 0.0 {
-                    sum.add_radiance(pixel.albedo * self.filtered(pixels, width, x, y));
+                    let light = pixel.albedo * self.filtered(pixels, width, x, y);
+                    row.pixel(x).sums.add_radiance(light);
                 }
             }
         })

@@ -70,12 +70,15 @@ impl Estimator for IrradianceCache {
         let Some(film) = film else { return Ok(()) };
         let surfaces = memory.surfaces.par_chunks_mut(view.region.width);
         let rows = film.rows_mut().zip(surfaces);
-        view.for_rows(rows, |y, (sums, surfaces)| {
-            for (x, (sum, place)) in sums.iter_mut().zip(surfaces).enumerate() {
+        view.for_rows(rows, |y, (mut row, surfaces)| {
+            for (x, place) in surfaces.iter_mut().enumerate() {
                 let shot = view.shoot(x, y, iteration);
-                sum.add_sighting(iteration, &shot.seen);
-                sum.add_effective_samples(1.0);
-                sum.add_radiance(shot.radiance + own_light(view, &shot));
+                let mut pixel = row.pixel(x);
+                view.note(&shot, iteration, &mut pixel);
+                pixel.sums.add_effective_samples(1.0);
+                pixel
+                    .sums
+                    .add_radiance(shot.radiance + own_light(view, &shot));
                 *place = shot.surface;
             }
         })?;
@@ -86,12 +89,12 @@ impl Estimator for IrradianceCache {
         let (view, memory) = (sharing.view(), &sharing.memories[sharing.target]);
         let surfaces = memory.surfaces.par_chunks(view.region.width);
         let rows = film.rows_mut().zip(surfaces);
-        view.for_rows(rows, |_, (sums, surfaces)| {
-            for (sum, surface) in sums.iter_mut().zip(surfaces) {
+        view.for_rows(rows, |_, (mut row, surfaces)| {
+            for (x, surface) in surfaces.iter().enumerate() {
                 let lit = surface
                     .as_ref()
                     .and_then(|s| Some(s.bsdf.albedo_lambert() * memory.cache.at(&place(s))?));
-                sum.add_radiance(lit.unwrap_or(Vec3A::ZERO));
+                row.pixel(x).sums.add_radiance(lit.unwrap_or(Vec3A::ZERO));
             }
         })
     }

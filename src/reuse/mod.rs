@@ -18,8 +18,9 @@ use rayon::prelude::*;
 
 use crate::contract::{Method, Settings};
 use crate::error::{Error, Result};
-use crate::film::{Film, PixelSums, Region, Sighting};
+use crate::film::{Film, FilmRow, Pixel, Region, Sighting};
 use crate::math::{PixelFilter, Ray};
+use crate::passes::{self, Seen};
 use crate::path::{Bounces, Tracer, take_rays};
 use crate::progress::Progress;
 use crate::sampling::{Sampler, ShutterTimes, Strategy};
@@ -53,6 +54,8 @@ pub struct View<'a> {
 pub struct Shot {
     /// The numbers of this iteration of this pixel.
     pub sampler: Sampler,
+    /// Where the ray goes; nowhere outside of a fisheye's picture.
+    pub direction: Option<Vec3A>,
     /// The surface, if the ray met one.
     pub surface: Option<Surface>,
     /// What goes into the passes.
@@ -66,6 +69,7 @@ impl Shot {
     fn outside(sampler: Sampler) -> Self {
         Self {
             sampler,
+            direction: None,
             surface: None,
             seen: Sighting::BACKGROUND,
             radiance: Vec3A::ZERO,
@@ -173,9 +177,25 @@ impl View<'_> {
         };
         Shot {
             sampler,
+            direction: Some(ray.direction),
             surface,
             seen,
             radiance: radiance + lamps,
+        }
+    }
+
+    /// Adds what the camera ray of an iteration saw to the passes of its pixel, but for light that is
+    /// scattered.
+    pub fn note(&self, shot: &Shot, iteration: u32, pixel: &mut Pixel) {
+        pixel.sums.add_sighting(iteration, &shot.seen);
+        if pixel.extra.is_any() {
+            let seen = Seen {
+                frame: self.tracer.frame,
+                region: self.region,
+                surface: shot.surface.as_ref(),
+                direction: shot.direction,
+            };
+            passes::add_data(&mut pixel.extra, iteration, &seen);
         }
     }
 
@@ -193,7 +213,7 @@ impl View<'_> {
 fn film_rows(
     film: Option<&mut Film>,
     region: Region,
-) -> impl IndexedParallelIterator<Item = Option<&mut [PixelSums]>> {
+) -> impl IndexedParallelIterator<Item = Option<FilmRow<'_>>> {
     let rows: Vec<_> = match film {
         Some(film) => film.rows_mut().map(Some).collect(),
         None => (0..region.height).map(|_| None).collect(),

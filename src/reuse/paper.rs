@@ -136,8 +136,8 @@ impl Estimator for Paper {
                     continue;
                 };
                 let gathered = gather(view, surface, &shot.sampler);
-                if let Some(pixels) = film.as_deref_mut() {
-                    pixels[x].add_radiance(gathered.own);
+                if let Some(row) = &mut film {
+                    row.pixel(x).sums.add_radiance(gathered.own);
                 }
                 self.write(&mut records, x, surface, &gathered);
             }
@@ -149,10 +149,12 @@ impl Estimator for Paper {
         let (view, iteration) = (sharing.view(), sharing.iteration);
         let lenders = sharing.lenders.iter();
         let lenders: Vec<&RecordBuffer> = lenders.map(|&index| &sharing.memories[index]).collect();
-        view.for_rows(film.rows_mut(), |y, pixels| {
-            for (x, pixel) in pixels.iter_mut().enumerate() {
+        view.for_rows(film.rows_mut(), |y, mut row| {
+            for x in 0..row.width() {
                 let shot = view.shoot(x, y, iteration | SECOND_PASS);
-                pixel.add_sighting(iteration, &shot.seen);
+                let mut pixel = row.pixel(x);
+                view.note(&shot, iteration, &mut pixel);
+                let pixel = pixel.sums;
                 pixel.add_radiance(shot.radiance);
                 if let Some(surface) = &shot.surface {
                     pixel.add_radiance(small_lights(view, surface, &shot.sampler));

@@ -9,7 +9,7 @@ use glam::Vec3A;
 use super::{Estimator, Sharing, View};
 use crate::contract::Settings;
 use crate::error::Result;
-use crate::film::{Film, PixelSums, Region};
+use crate::film::{Film, Pixel, Region};
 use crate::path::Bounces;
 
 /// Plain path tracing.
@@ -46,9 +46,9 @@ impl Estimator for Plain {
         film: Option<&mut Film>,
     ) -> Result<()> {
         let Some(film) = film else { return Ok(()) };
-        view.for_rows(film.rows_mut(), |y, row| {
-            for (x, pixel) in row.iter_mut().enumerate() {
-                self.sample_pixel(view, x, y, iteration, pixel);
+        view.for_rows(film.rows_mut(), |y, mut row| {
+            for x in 0..row.width() {
+                self.sample_pixel(view, x, y, iteration, row.pixel(x));
             }
         })
     }
@@ -59,10 +59,10 @@ impl Estimator for Plain {
 }
 
 impl Plain {
-    fn sample_pixel(&self, view: &View, x: usize, y: usize, iteration: u32, pixel: &mut PixelSums) {
+    fn sample_pixel(&self, view: &View, x: usize, y: usize, iteration: u32, mut pixel: Pixel) {
         let shot = view.shoot(x, y, iteration);
-        pixel.add_sighting(iteration, &shot.seen);
-        pixel.add_effective_samples(self.gathers as f32);
+        view.note(&shot, iteration, &mut pixel);
+        pixel.sums.add_effective_samples(self.gathers as f32);
         let mut radiance = shot.radiance;
         if let Some(surface) = &shot.surface {
             let mut reflected = Vec3A::ZERO;
@@ -76,6 +76,6 @@ impl Plain {
             }
             radiance += reflected / self.gathers as f32;
         }
-        pixel.add_radiance(radiance);
+        pixel.sums.add_radiance(radiance);
     }
 }

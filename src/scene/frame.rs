@@ -7,8 +7,9 @@ use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
 use super::motion::{Bounds, bounds_of_placed};
 use super::{
-    Camera, CameraMotion, Image, Lens, Light, LightKind, Links, Material, Membership, Mesh,
-    Panorama, Placement, Projection, Reach, Trajectory, Visibility, World,
+    Camera, CameraMotion, Flow, ForPasses, Image, Lens, Light, LightKind, Links, Material,
+    Membership, Mesh, Mist, Moved, Panorama, Placement, Projection, Reach, Trajectory, Visibility,
+    World,
 };
 use crate::contract::{Arrays, FRAME, Given};
 use crate::error::{Error, Result};
@@ -77,6 +78,8 @@ pub struct SceneFrame {
     pub shutter: Shutter,
     /// The surroundings.
     pub world: World,
+    /// What it tells for passes alone.
+    pub passes: ForPasses,
 }
 
 impl SceneFrame {
@@ -93,13 +96,18 @@ impl SceneFrame {
     ) -> Result<Self> {
         let arrays = Arrays::checked(FRAME, given)?;
         let materials = materials(&arrays, images.len())?;
+        let camera = camera(&arrays)?;
         let mut instances = instances(&arrays, meshes.len(), materials.len())?;
         set_in_motion(&mut instances, &arrays)?;
         Ok(Self {
             frame,
+            passes: ForPasses {
+                mist: mist(&arrays),
+                flow: flow(&arrays, &camera, &instances, &meshes)?,
+            },
             instances,
             lights: lights(&arrays, materials.len())?,
-            camera: camera(&arrays)?,
+            camera,
             shutter: shutter(&arrays)?,
             world: world(&arrays, &images)?,
             meshes,
@@ -306,15 +314,75 @@ fn affines(numbers: &[f32]) -> Vec<Affine3A> {
         .collect()
 }
 
+/// The projections of an array of matrices; none for a panorama, which keeps its own.
+fn projections(arrays: &Arrays, name: &'static str) -> Result<Vec<Projection>> {
+    let matrices = arrays.f32s(name).as_chunks::<16>().0;
+    let is_panorama = panorama(arrays)?.is_some();
+    let matrices = matrices.iter().filter(|_| !is_panorama);
+    matrices
+        .map(|rows| Projection::from_matrix(Mat4::from_cols_array(rows).transpose()))
+        .collect()
+}
+
+fn mist(arrays: &Arrays) -> Mist {
+    let [start, depth, exponent] = arrays.f32s("mist")[..3].try_into().unwrap_or_default();
+    Mist {
+        start,
+        depth,
+        exponent,
+    }
+}
+
+fn flow(
+    arrays: &Arrays,
+    camera: &Camera,
+    instances: &[Instance],
+    meshes: &[Arc<Mesh>],
+) -> Result<Option<Flow>> {
+    let [before, after] = affines(arrays.f32s("flow_camera"))[..] else {
+        return Ok(None);
+    };
+    let projections = projections(arrays, "flow_camera_clip")?;
+    let there = |placement, side: usize| camera.placed(placement, projections.get(side).copied());
+    let vertices = arrays.f32s("flow_vertices").as_chunks::<6>().0;
+    let mut moved = vec![None; instances.len()];
+    let pairs = affines(arrays.f32s("flow_placements"));
+    let rows = arrays
+        .u32s("flow_instances")
+        .iter()
+        .zip(pairs.as_chunks::<2>().0);
+    for (row, (&instance, &placements)) in rows.enumerate() {
+        let field = "flow_instances";
+        let instance = index(field, row, instance.into(), instances.len(), "instances")? as usize;
+        let first = arrays.i32s("flow_first_vertex")[row];
+        let count = meshes[instances[instance].mesh as usize].vertices.len() as u32;
+        let first_vertex = match first {
+            -1 => None,
+            first => {
+                let field = "flow_first_vertex";
+                let first = index(field, row, first.into(), vertices.len(), "vertices")?;
+                Some(range(field, row, [first, count], vertices.len(), "vertices")?.start)
+            }
+        };
+        moved[instance] = Some(Moved {
+            placements,
+            first_vertex,
+        });
+    }
+    let side = |first: usize| {
+        let points = vertices.iter().map(|v| Vec3::from_slice(&v[first..]));
+        points.collect::<Vec<Vec3>>()
+    };
+    Ok(Some(Flow {
+        cameras: [there(before, 0), there(after, 1)],
+        moved,
+        vertices: [side(0), side(3)],
+    }))
+}
+
 fn shutter(arrays: &Arrays) -> Result<Shutter> {
     let placements = affines(arrays.f32s("camera_motion"));
-    let matrices = arrays.f32s("camera_motion_clip").as_chunks::<16>().0;
-    let is_panorama = panorama(arrays)?.is_some();
-    let projections = matrices
-        .iter()
-        .filter(|_| !is_panorama)
-        .map(|rows| Projection::from_matrix(Mat4::from_cols_array(rows).transpose()));
-    let projections = projections.collect::<Result<_>>()?;
+    let projections = projections(arrays, "camera_motion_clip")?;
     let camera = match placements.len() {
         0 => None,
         _ => Some(CameraMotion::new(&placements, projections)?),
@@ -338,7 +406,10 @@ fn materials(arrays: &Arrays, images: usize) -> Result<Vec<Material>> {
         .enumerate()
         .map(|(row, &span)| {
             let rows = range("material_programs", row, span, count, "instructions")?;
-            Ok(Material::new(&instructions.draft(rows)?))
+            Ok(Material {
+                pass_index: arrays.f32s("material_index")[row],
+                ..Material::new(&instructions.draft(rows)?)
+            })
         })
         .collect()
 }

@@ -25,6 +25,8 @@ pub struct Material {
     pub transparency: Program,
     /// Which light leaves on its own, given that the ray did not pass straight on.
     pub emission: Program,
+    /// Its pass index.
+    pub pass_index: f32,
 }
 
 impl Material {
@@ -34,6 +36,7 @@ impl Material {
             surface: draft.program(Use::Surface),
             transparency: draft.program(Use::Transparency),
             emission: draft.program(Use::Emission),
+            pass_index: 0.0,
         }
     }
 

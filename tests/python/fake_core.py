@@ -92,12 +92,14 @@ class Render:
         region: dict[str, int],
         settings: dict[str, Any],
         threads: int,
+        passes: list[str] | None = None,
     ) -> None:
         if not frames:
             raise ValueError("frames: there are none")
         self.frames = {frame.frame: frame for frame in frames}
         self.targets, self.step, self.threads = targets, step, threads
         self.region, self.settings = region, settings
+        self.passes = passes or ["Combined"]
         self.is_cancelled = False
         self._end = time.monotonic() + self.seconds
         Render.started.append(self)
@@ -132,6 +134,7 @@ class Render:
         passes = {
             spec["name"]: self._pixels(len(spec["channels"])) + seed[i]
             for i, spec in enumerate(contract()["passes"])
+            if spec["name"] in self.passes
         }
         report = {
             "seconds": {"build": 0.1, "pass_1": 0.2, "pass_2": 0.3, "resolve": 0.4},

@@ -64,6 +64,7 @@ def test_the_checkbox_denoises_combined_and_keeps_the_noise_in_a_pass(
     scene: Any, tmp_path: Path, written: list[dict[str, np.ndarray]]
 ) -> None:
     moving_cube(scene, tmp_path)
+    scene.view_layers[0].dualcone.use_pass_noisy_image = True
     scene.render.resolution_x, scene.render.resolution_y = 48, 32
     lamp: Any = bpy.data.lights.new("Lamp", "AREA")
     lamp.energy, lamp.size = 500.0, 4.0
@@ -94,6 +95,7 @@ def test_without_the_library_the_picture_stays_noisy_and_the_user_is_told(
 ) -> None:
     monkeypatch.setattr(denoise, "problem", lambda: "there is no library")
     moving_cube(scene, tmp_path)
+    scene.view_layers[0].dualcone.use_pass_noisy_image = True
     scene.dualcone.denoise = True
     still(scene, 1)
     np.testing.assert_array_equal(written[0]["Combined"], written[0]["Noisy Image"])

@@ -117,6 +117,8 @@ class TestPasses:
         """The camera looks straight down from 8 m at the plane."""
         bpy.data.objects.remove(bpy.data.objects["Cube"])
         shot.camera.location, shot.camera.rotation_euler = (0.0, 0.0, 8.0), (0.0, 0.0, 0.0)
+        layer = shot.view_layers[0]
+        layer.use_pass_z = layer.use_pass_normal = layer.dualcone.use_pass_sample_count = True
         still(shot, 1)
         np.testing.assert_allclose(seen[1]["Depth"], 8.0, rtol=1e-5)
         np.testing.assert_allclose(seen[1]["Normal"][3, 4], (0.0, 0.0, 1.0), atol=1e-5)

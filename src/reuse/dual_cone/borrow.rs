@@ -8,7 +8,7 @@ use super::records::{
     COSINE_LIMIT, Class, LENT_CLASSES, Light, Neighbours, TAN_BETA, UNIT, column, wide_column,
 };
 use super::veto::{Lending, Pilot};
-use crate::film::PixelSums;
+use crate::film::{FilmRow, Pixel};
 use crate::kernel::vector::{LANES, Vector, Work, run_on_vectors};
 use crate::math::luminance;
 use crate::record::PADDING;
@@ -117,7 +117,7 @@ pub enum Notes<'a> {
 struct BorrowRow<'a> {
     borrow: &'a Borrow<'a>,
     y: usize,
-    pixels: &'a mut [PixelSums],
+    row: FilmRow<'a>,
     notes: Notes<'a>,
 }
 
@@ -126,17 +126,18 @@ impl Work for BorrowRow<'_> {
 
     #[inline(always)]
     fn run<V: Vector>(mut self) {
-        for (x, pixel) in self.pixels.iter_mut().enumerate() {
+        for x in 0..self.row.width() {
             let lending = match &self.notes {
                 Notes::Choice(lending, _) => lending[x],
                 Notes::Pilot(_) => Lending::Window,
             };
-            let before = pixel.luminance();
-            let got = self.borrow.add_pixel::<V>(x, self.y, lending, pixel);
+            let mut pixel = self.row.pixel(x);
+            let before = pixel.sums.luminance();
+            let got = self.borrow.add_pixel::<V>(x, self.y, lending, &mut pixel);
             match &mut self.notes {
                 Notes::Pilot(pilot) => {
                     pilot[x] = Pilot {
-                        window: pixel.luminance(),
+                        window: pixel.sums.luminance(),
                         frame: before + got.frame,
                         own: before + got.own,
                     }
@@ -151,11 +152,11 @@ impl Work for BorrowRow<'_> {
 
 impl Borrow<'_> {
     /// Adds what the pixels of row `y` borrow.
-    pub fn add_row(&self, y: usize, pixels: &mut [PixelSums], notes: Notes) {
+    pub fn add_row(&self, y: usize, row: FilmRow, notes: Notes) {
         run_on_vectors(BorrowRow {
             borrow: self,
             y,
-            pixels,
+            row,
             notes,
         });
     }
@@ -168,7 +169,7 @@ impl Borrow<'_> {
         x: usize,
         y: usize,
         lending: Lending,
-        pixel: &mut PixelSums,
+        pixel: &mut Pixel,
     ) -> Pilot {
         let Some(block) = self.block(x, y) else {
             return Pilot::default();
@@ -178,8 +179,8 @@ impl Borrow<'_> {
         let mut wanted = Wanted::<V>::new(&block);
         let own = reflected(&self.own(&wanted, x, y));
         if lending == Lending::None {
-            pixel.add_radiance(own);
-            pixel.add_effective_samples(1.0);
+            pixel.sums.add_radiance(own);
+            pixel.sums.add_effective_samples(1.0);
             let own = luminance(own);
             return Pilot {
                 window: own,
@@ -199,8 +200,10 @@ impl Borrow<'_> {
             }
         }
         let borrowed = reflected(&sums);
-        pixel.add_radiance(borrowed);
-        pixel.add_effective_samples(sums.effective_samples(self.classes));
+        pixel.sums.add_radiance(borrowed);
+        pixel
+            .sums
+            .add_effective_samples(sums.effective_samples(self.classes));
         Pilot {
             window: luminance(borrowed),
             frame: luminance(frame),

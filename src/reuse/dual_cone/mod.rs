@@ -166,8 +166,8 @@ impl Estimator for DualCone {
             .zip(reach);
         view.for_rows(rows, |y, (((mut film, mut records), receivers), reach)| {
             for x in 0..width {
-                let mut pixel = film.as_deref_mut().map(|row| &mut row[x]);
-                let sample = pass.sample_pixel(x, y, &mut pixel);
+                let pixel = film.as_mut().map(|row| row.pixel(x));
+                let sample = pass.sample_pixel(x, y, pixel);
                 sample.record.write(&mut records, x);
                 receivers[x] = sample.receiver;
                 if iteration < REACH_ITERATIONS

@@ -7,7 +7,7 @@ use glam::Vec3A;
 use super::REACH_ITERATIONS;
 use super::borrow::Receiver;
 use super::records::{Class, Record};
-use crate::film::PixelSums;
+use crate::film::Pixel;
 use crate::path::{Bounces, Continuation, Gathered};
 use crate::reuse::{Shot, View};
 use crate::sampling::{Bsdf, Strategy};
@@ -57,12 +57,7 @@ impl<'a> Pass<'a> {
 
     /// Traces one sample; what is the pixel's own goes to `pixel`, what others may borrow is
     /// returned.
-    pub fn sample_pixel(
-        &self,
-        x: usize,
-        y: usize,
-        pixel: &mut Option<&mut PixelSums>,
-    ) -> PixelSample {
+    pub fn sample_pixel(&self, x: usize, y: usize, pixel: Option<Pixel>) -> PixelSample {
         let shot = self.view.shoot(x, y, self.iteration);
         let mut sample = PixelSample::default();
         let mut own = shot.radiance;
@@ -81,10 +76,10 @@ impl<'a> Pass<'a> {
                 own += tracer.reflected(surface, Bounces::default(), 1.0, sampler);
             }
         }
-        if let Some(pixel) = pixel {
-            pixel.add_sighting(self.iteration, &shot.seen);
-            pixel.add_radiance(own);
-            pixel.add_effective_samples(effective_samples);
+        if let Some(mut pixel) = pixel {
+            self.view.note(&shot, self.iteration, &mut pixel);
+            pixel.sums.add_radiance(own);
+            pixel.sums.add_effective_samples(effective_samples);
         }
         sample
     }

@@ -6,7 +6,9 @@ use super::*;
 use crate::contract::{Given, Numbers};
 use crate::math::MIDDLE_TIME;
 use crate::math::statistics::{DirectionTest, MAX_SCORE, Random, chi_square_score};
-use crate::scene::{Instance, Material, Membership, Mesh, Placement, Shutter, Visibility};
+use crate::scene::{
+    ForPasses, Instance, Material, Membership, Mesh, Placement, Shutter, Visibility,
+};
 use crate::shader::{Draft, ObjectInfo};
 
 mod many;
@@ -40,6 +42,7 @@ fn frame_of(lights: Vec<Light>, world: World) -> SceneFrame {
         lights,
         camera: crate::testing::camera(Vec3::ZERO, Vec3::Y, 1.0),
         shutter: Shutter::default(),
+        passes: ForPasses::default(),
         world,
     }
 }

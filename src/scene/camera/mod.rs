@@ -135,11 +135,15 @@ impl Camera {
 
     /// The camera at a share of the shutter's time.
     pub fn moved(&self, motion: &CameraMotion, time: f32) -> Self {
-        let world_from_camera = motion.placement_at(time);
+        self.placed(motion.placement_at(time), motion.projection_at(time))
+    }
+
+    /// The camera at another place, with another projection if one is given.
+    pub fn placed(&self, world_from_camera: Affine3A, projection: Option<Projection>) -> Self {
         Self {
             world_from_camera,
             camera_from_world: world_from_camera.inverse(),
-            projection: motion.projection_at(time).unwrap_or(self.projection),
+            projection: projection.unwrap_or(self.projection),
             ..*self
         }
     }
@@ -204,6 +208,14 @@ impl Camera {
         }
     }
 
+    /// The same of what lies far away in a direction; nowhere in an orthographic view.
+    pub fn project_direction(&self, direction: Vec3A) -> Option<Vec2> {
+        match self.projection {
+            Projection::Orthographic(_) => None,
+            _ => self.project(self.world_from_camera.translation + direction),
+        }
+    }
+
     /// Whether the camera was cut between this and `next`, in a scene of this diameter [m]: further
     /// turned or moved than a shot goes in a frame, so that the two show different places.
     pub fn is_cut_before(&self, next: &Self, scene_size: f32) -> bool {
@@ -232,6 +244,15 @@ impl Camera {
         match self.projection {
             Projection::Panorama(..) => camera.length(),
             _ => -camera.z,
+        }
+    }
+
+    /// How far away a point of world space is [m]: from the camera, or along the axis where there is
+    /// no one point to look from.
+    pub fn distance(&self, point: Vec3A) -> f32 {
+        match self.projection {
+            Projection::Orthographic(_) => self.depth(point).abs(),
+            _ => point.distance(self.world_from_camera.translation),
         }
     }
 

@@ -1,0 +1,132 @@
+//! What camera rays tell for the passes that were asked for: one small function for each.
+//!
+//! What a pass is, its name and its channels stand in [`crate::contract::PASSES`]; how a film keeps
+//! its numbers, in [`crate::film`].
+
+use glam::{Affine3A, Vec2, Vec3A};
+
+use crate::accel::Hit;
+use crate::film::{Extra, Region, Row};
+use crate::scene::{Flow, SceneFrame, interpolate};
+use crate::surface::Surface;
+
+/// What a camera ray saw.
+#[derive(Clone, Copy)]
+pub struct Seen<'a> {
+    /// The frame.
+    pub frame: &'a SceneFrame,
+    /// The rectangle that is rendered of it.
+    pub region: Region,
+    /// The surface; none where the background shows, or a hole.
+    pub surface: Option<&'a Surface>,
+    /// Where the ray goes; nowhere outside of a fisheye's picture.
+    pub direction: Option<Vec3A>,
+}
+
+/// What a pass shows of it; nothing where there is nothing to add.
+type Show = fn(&Seen) -> Option<[f32; 4]>;
+
+/// The passes of what is seen, whatever light falls on it.
+const DATA: &[(Row, Show)] = &[
+    (Row::of("Mist"), mist),
+    (Row::of("Position"), position),
+    (Row::of("Vector"), vector),
+    (Row::of("UV"), uv),
+    (Row::of("Object Index"), object_index),
+    (Row::of("Material Index"), material_index),
+];
+
+/// Adds what a camera ray saw to the passes that are kept.
+pub fn add_data(extra: &mut Extra, iteration: u32, seen: &Seen) {
+    for (row, show) in DATA {
+        if extra.layout.keeps(*row)
+            && let Some(values) = show(seen)
+        {
+            extra.add(*row, iteration, &values);
+        }
+    }
+}
+
+fn mist(seen: &Seen) -> Option<[f32; 4]> {
+    let hidden = seen.surface.map_or(1.0, |surface| {
+        let distance = seen.frame.camera.distance(surface.position);
+        seen.frame.passes.mist.at(distance)
+    });
+    Some([hidden, 0.0, 0.0, 0.0])
+}
+
+fn position(seen: &Seen) -> Option<[f32; 4]> {
+    let [x, y, z] = seen.surface?.position.to_array();
+    Some([x, y, z, 0.0])
+}
+
+fn uv(seen: &Seen) -> Option<[f32; 4]> {
+    let hit = &seen.surface?.hit;
+    let corners = &seen.frame.mesh_of(hit.instance).corner_uvs[hit.triangle as usize];
+    // A mesh without a map has zeros at all corners.
+    if *corners == [Vec2::ZERO; 3] {
+        return None;
+    }
+    let uv = interpolate(corners, Vec2::new(hit.u, hit.v));
+    Some([uv.x, uv.y, 1.0, 0.0])
+}
+
+fn object_index(seen: &Seen) -> Option<[f32; 4]> {
+    let instance = seen.surface?.hit.instance as usize;
+    Some([seen.frame.instances[instance].info.index, 0.0, 0.0, 0.0])
+}
+
+fn material_index(seen: &Seen) -> Option<[f32; 4]> {
+    let hit = &seen.surface?.hit;
+    let material = seen.frame.material_of(hit.instance, hit.triangle)?;
+    Some([material.pass_index, 0.0, 0.0, 0.0])
+}
+
+/// The way in the picture, as in Cycles: what is blurred moves as in the middle of the shutter's
+/// time, and the background with the turning of the camera.
+fn vector(seen: &Seen) -> Option<[f32; 4]> {
+    let flow = seen.frame.passes.flow.as_ref()?;
+    let [before, now, after] = match seen.surface {
+        Some(surface) => surface_on_film(seen.frame, flow, &surface.hit),
+        None => {
+            let [before, after] = &flow.cameras;
+            [before, &seen.frame.camera, after].map(|c| c.project_direction(seen.direction?))
+        }
+    };
+    let Region {
+        frame_width,
+        frame_height,
+        ..
+    } = seen.region;
+    let size = Vec2::new(frame_width as f32, frame_height as f32);
+    // What is not seen there has no way to here.
+    let way = |from: Option<Vec2>, to: Option<Vec2>| match (from, to) {
+        (Some(from), Some(to)) => (from - to) * size,
+        _ => Vec2::ZERO,
+    };
+    let (before, after) = (way(before, now), way(now, after));
+    Some([before.x, before.y, after.x, after.y])
+}
+
+/// Where the point of a hit is in the frame before, in its own and in the one after.
+fn surface_on_film(frame: &SceneFrame, flow: &Flow, hit: &Hit) -> [Option<Vec2>; 3] {
+    let instance = &frame.instances[hit.instance as usize];
+    let mesh = frame.mesh_of(hit.instance);
+    let corners = mesh.corners(hit.triangle);
+    let now = instance.placement.world_from_object;
+    let point = |placement: Affine3A, corners| {
+        placement.transform_point3a(interpolate(&corners, Vec2::new(hit.u, hit.v)))
+    };
+    let at = |side: usize| {
+        let there = match &flow.moved[hit.instance as usize] {
+            None => point(now, corners),
+            Some(moved) => {
+                let vertices = mesh.triangles[hit.triangle as usize];
+                let form = flow.corners(side, moved, vertices).unwrap_or(corners);
+                point(moved.placements[side], form)
+            }
+        };
+        flow.cameras[side].project(there)
+    };
+    [at(0), frame.camera.project(point(now, corners)), at(1)]
+}

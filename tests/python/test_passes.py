@@ -1,0 +1,190 @@
+"""Every pass against Cycles' own, from the files that both write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import pytest
+from exr import Exr, read_exr, write_all_passes
+from numpy.typing import NDArray
+
+SIZE = 32
+FLOOR = 3
+FRAME = 3
+IS_OLD = bpy.app.version < (5, 0, 0)
+DATA_SWITCHES = (
+    "use_pass_z",
+    "use_pass_mist",
+    "use_pass_position",
+    "use_pass_normal",
+    "use_pass_vector",
+    "use_pass_uv",
+    "use_pass_object_index",
+    "use_pass_material_index",
+)
+
+
+@pytest.fixture
+def stage(scene: Any, tmp_path: Path) -> Any:
+    """Set up things of every kind: still, moving, deforming, seen by a camera that turns."""
+    add_plane()
+    add_moving_cube()
+    add_deforming_tube()
+    add_moving_camera(scene)
+    world: Any = bpy.data.worlds.new("World")
+    world.mist_settings.start, world.mist_settings.depth = 6.0, 9.0
+    scene.world = world
+    scene.frame_start, scene.frame_end = FRAME, FRAME
+    scene.frame_set(FRAME)
+    render = scene.render
+    render.resolution_x = render.resolution_y = SIZE
+    render.resolution_percentage = 100
+    scene.dualcone.filter = "BOX"
+    scene.dualcone.method = "PATH"
+    scene.cycles.pixel_filter_type = "BOX"
+    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+    write_all_passes(scene, tmp_path)
+    return scene
+
+
+def material(name: str, index: int) -> Any:
+    made: Any = bpy.data.materials.new(name)
+    made.use_nodes = True
+    made.pass_index = index
+    return made
+
+
+def add_plane() -> None:
+    bpy.ops.mesh.primitive_plane_add(size=14.0)
+    plane: Any = bpy.context.object
+    plane.pass_index = FLOOR
+    plane.data.materials.append(material("Floor", 7))
+
+
+def add_moving_cube() -> None:
+    bpy.ops.mesh.primitive_cube_add(size=2.0, location=(-1.5, 0.0, 1.0))
+    cube: Any = bpy.context.object
+    cube.pass_index = 12
+    cube.data.materials.append(material("Paint", 5))
+    for frame, x, angle in ((1, -2.0, 0.0), (3, -1.5, 0.3), (5, 0.0, 0.2)):
+        cube.location.x, cube.rotation_euler.z = x, angle
+        cube.keyframe_insert("location", frame=frame)
+        cube.keyframe_insert("rotation_euler", frame=frame)
+
+
+def add_deforming_tube() -> None:
+    bpy.ops.mesh.primitive_cylinder_add(radius=0.8, depth=2.0, location=(2.0, 0.5, 1.0))
+    tube: Any = bpy.context.object
+    tube.data.uv_layers.remove(tube.data.uv_layers[0])
+    tube.shape_key_add(name="Basis")
+    key = tube.shape_key_add(name="Tall")
+    for point in key.data:
+        point.co.z *= 1.8
+        point.co.x += 0.4
+    for frame, value in ((1, 0.0), (3, 0.5), (5, 0.3)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+
+
+def add_moving_camera(scene: Any) -> None:
+    bpy.ops.object.camera_add(location=(0.0, -9.0, 4.0), rotation=(1.2, 0.0, 0.0))
+    camera: Any = bpy.context.object
+    for frame, x in ((1, -0.3), (3, 0.0), (5, 0.5)):
+        camera.location.x = camera.rotation_euler.z = x
+        camera.keyframe_insert("location", frame=frame)
+        camera.keyframe_insert("rotation_euler", frame=frame)
+    scene.camera = camera
+
+
+def render(scene: Any, engine: str, samples: int) -> Exr:
+    """Render FRAME with an engine and read the file."""
+    scene.render.engine = engine
+    scene.dualcone.samples = scene.cycles.samples = samples
+    scene.frame_set(FRAME)
+    bpy.ops.render.render(animation=True)
+    return read_exr(Path(bpy.path.abspath(scene.render.filepath)) / f"{FRAME:04}.exr")
+
+
+def switch_on(scene: Any, *switches: str) -> None:
+    for switch in switches:
+        setattr(scene.view_layers[0], switch, True)
+
+
+def blender_name(name: str) -> str:
+    """Return what this version of Blender calls a pass."""
+    from addon import passes
+
+    return passes.NAMES_BEFORE_5.get(name, name) if IS_OLD else name
+
+
+# Passes of what is seen, and how far a pixel of one object may be off.
+TOLERANCES = {
+    "Mist": 0.03,
+    "Normal": 0.15,
+    "Vector": 0.05,
+    "UV": 0.02,
+    "Object Index": 0.0,
+    "Material Index": 0.0,
+}
+# Those of one sample somewhere in the pixel: off by no more than the pixels around are apart.
+SAMPLED = ("Depth", "Position")
+
+
+@pytest.fixture
+def pair(stage: Any) -> tuple[Exr, Exr]:
+    """Render the passes of what is seen with DualCone and with Cycles."""
+    switch_on(stage, *DATA_SWITCHES)
+    return render(stage, "DUALCONE", 64), render(stage, "CYCLES", 64)
+
+
+def test_data_is_that_of_cycles(pair: tuple[Exr, Exr]) -> None:
+    ours, theirs = pair
+    assert ours.layers() == theirs.layers()
+    inside = interior(ours) & interior(theirs)
+    assert inside.mean() > 0.4
+    for name, tolerance in TOLERANCES.items():
+        assert errors(pair, name)[inside].max() <= tolerance, name
+    for name in SAMPLED:
+        around = spread(theirs.layer(name))
+        assert (errors(pair, name) <= 1.1 * around)[inside].all(), name
+
+
+@pytest.mark.parametrize("name", [*TOLERANCES, *SAMPLED])
+def test_data_would_be_seen_to_differ(pair: tuple[Exr, Exr], name: str) -> None:
+    """The comparison fails for a picture that is moved by two pixels, or of another frame."""
+    ours, theirs = pair
+    inside = interior(ours) & interior(theirs)
+    tolerance = 1.1 * spread(theirs.layer(name)) if name in SAMPLED else TOLERANCES[name]
+    moved = np.roll(ours.layer(blender_name(name)), 2, axis=1)
+    error = np.abs(moved - theirs.layer(blender_name(name))).max(axis=-1)
+    assert (error > tolerance)[inside].any()
+
+
+def errors(pair: tuple[Exr, Exr], name: str) -> NDArray[Any]:
+    ours, theirs = (exr.layer(blender_name(name)) for exr in pair)
+    assert ours.shape == theirs.shape
+    return np.abs(ours - theirs).max(axis=-1)
+
+
+def around(pixels: NDArray[Any]) -> NDArray[Any]:
+    """Return each pixel's neighbours and itself, (9, H, W, ...)."""
+    steps = [(y, x) for y in (-1, 0, 1) for x in (-1, 0, 1)]
+    return np.stack([np.roll(pixels, step, axis=(0, 1)) for step in steps])
+
+
+def spread(pixels: NDArray[Any]) -> NDArray[Any]:
+    return np.ptp(around(pixels), axis=0).max(axis=-1)
+
+
+def interior(exr: Exr) -> NDArray[np.bool_]:
+    """Pixels that show one object, and so do their neighbours."""
+    index = exr.layer(blender_name("Object Index"))[..., 0]
+    alpha = exr.layer("Combined")[..., 3]
+    same = (np.ptp(around(index), axis=0) == 0) & (index > 0) & (alpha == 1.0)
+    same[[0, -1]] = same[:, [0, -1]] = False
+    # Where the floor ends in the distance a pixel holds half of it.
+    same[SIZE * 3 // 4 :] &= index[SIZE * 3 // 4 :] != FLOOR
+    return same
