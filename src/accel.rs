@@ -97,6 +97,12 @@ impl Accel {
         best
     }
 
+    /// The first hit in `[t_min, t_max]` of one instance.
+    pub fn closest_hit_of(&self, frame: &SceneFrame, ray: &Ray, instance: u32) -> Option<Hit> {
+        let (bvh, ray) = on_instance(frame, instance, ray, ray.t_max);
+        Some(Hit::new(instance, &bvh.closest_hit(&ray)?))
+    }
+
     /// Whether anything is hit in `[t_min, t_max]`.
     pub fn occluded(&self, frame: &SceneFrame, ray: &Ray) -> bool {
         self.occluded_where(frame, ray, |_| true)

@@ -418,6 +418,37 @@ impl<'a> Tracer<'a> {
         direct + self.continued(surface, from, throughput, sampler)
     }
 
+    /// Radiance that leaves a surface after a walk below it.
+    pub fn from_below(
+        &self,
+        surface: &Surface,
+        from: Bounces,
+        throughput: f32,
+        sampler: &Sampler,
+    ) -> Vec3A {
+        let Some(below) = &surface.below else {
+            return Vec3A::ZERO;
+        };
+        let mut numbers = sampler.walk(from.total);
+        let inwards = |direction: &Vec3A| direction.dot(surface.geometric_normal) < 0.0;
+        let Some(direction) = below.entry(&mut numbers).filter(inwards) else {
+            return Vec3A::ZERO;
+        };
+        let meet = |ray: &Ray| {
+            count_ray();
+            let instance = surface.hit.instance;
+            let hit = self.accel.closest_hit_of(self.frame, ray, instance)?;
+            Some((hit.t, hit))
+        };
+        let Some(exit) = below.walk(surface.ray_into(direction), &mut numbers, meet) else {
+            return Vec3A::ZERO;
+        };
+        let weight = below.weight * exit.carried;
+        let outside = surface::exit(self.frame, &exit.hit, &exit.ray, &from.ray_info());
+        let throughput = throughput * weight.max_element();
+        weight * self.reflected(&outside, from, throughput, sampler)
+    }
+
     fn continued(
         &self,
         surface: &Surface,
@@ -504,7 +535,8 @@ impl<'a> Tracer<'a> {
         }
         gathered.probability_lambert = surface.bsdf.probability_lambert();
         if !last {
-            gathered.indirect = self.reflected(&surface, bounces, from.throughput, sampler);
+            gathered.indirect = self.reflected(&surface, bounces, from.throughput, sampler)
+                + self.from_below(&surface, bounces, from.throughput, sampler);
         }
         gathered
     }

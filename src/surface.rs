@@ -6,9 +6,10 @@ use glam::{Quat, Vec2, Vec3A};
 
 use crate::accel::Hit;
 use crate::math::{Ray, offset_origin};
-use crate::sampling::{Bsdf, Principled};
+use crate::sampling::{Bsdf, Principled, alpha_of};
 use crate::scene::{Facet, Material, Membership, SceneFrame};
 use crate::shader::{self, Closure, Glossy, Point, RayInfo};
+use crate::subsurface::{Method, Subsurface};
 
 /// A point on a surface, seen along a ray.
 pub struct Surface {
@@ -22,6 +23,8 @@ pub struct Surface {
     pub normal: Vec3A,
     /// How it reflects.
     pub bsdf: Bsdf,
+    /// Light that enters and leaves elsewhere.
+    pub below: Option<Box<Subsurface>>,
     /// Radiance that it emits towards the viewer.
     pub emission: Vec3A,
     /// The sets of things that it is in.
@@ -49,11 +52,25 @@ impl Surface {
         Ray::new(origin, direction).at_time(self.time)
     }
 
+    /// A ray that starts on the surface itself and does not meet it at once: below it, a mean free
+    /// path may be no longer than what keeps other rays off it.
+    pub fn ray_into(&self, direction: Vec3A) -> Ray {
+        let off = self.ray_towards(direction);
+        let height = off.origin.distance(self.position);
+        let cos = direction.dot(self.geometric_normal).abs();
+        Ray {
+            origin: self.position,
+            t_min: height / cos.max(1e-3),
+            ..off
+        }
+    }
+
     /// The same surface, if nothing came from it.
     pub fn blackened(self) -> Self {
         let bsdf = Bsdf::new(self.geometric_normal, -self.geometric_normal, true);
         Self {
             bsdf,
+            below: None,
             emission: Vec3A::ZERO,
             ..self
         }
@@ -64,7 +81,16 @@ impl Surface {
         if share != Vec3A::ONE {
             self.bsdf.tint(share);
             self.emission *= share;
+            if let Some(below) = &mut self.below {
+                below.weight *= share;
+            }
         }
+    }
+
+    /// Share of white light that comes back, from below the surface too.
+    pub fn albedo(&self) -> Vec3A {
+        let below = self.below.as_ref();
+        self.bsdf.albedo() + below.map_or(Vec3A::ZERO, |below| below.weight)
     }
 
     /// The shading normal on the side of the surface that `direction` leaves to.
@@ -94,24 +120,31 @@ fn facing(normal: Vec3A, direction: Vec3A) -> Vec3A {
 pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
     let facet = Facet::new(frame, hit.instance, hit.triangle, ray.time);
     let point = point_of(&facet, hit, ray, info);
-    let [one, other] = point.edges.map(Vec3A::abs);
     // Filled in place: a surface is large to copy.
-    let mut surface = Surface {
+    let mut surface = bare(frame, hit, &point, ray.time);
+    surface.shade(frame, &point);
+    surface
+}
+
+/// A surface that scatters nothing yet.
+#[inline(always)]
+fn bare(frame: &SceneFrame, hit: &Hit, point: &Point, time: f32) -> Surface {
+    let [one, other] = point.edges.map(Vec3A::abs);
+    Surface {
         hit: *hit,
         position: point.position,
         geometric_normal: point.geometric_normal,
         normal: point.normal,
         bsdf: Bsdf::new(point.geometric_normal, point.incoming, !point.is_back)
             .with_smooth_normal(point.normal),
+        below: None,
         emission: Vec3A::ZERO,
         membership: frame.instances[hit.instance as usize].membership,
         holdout: 0.0,
         distance: hit.t,
-        time: ray.time,
+        time,
         clearance: CLEARANCE * one.max(other).max_element(),
-    };
-    surface.shade(frame, &point);
-    surface
+    }
 }
 
 fn point_of<'a>(facet: &'a Facet<'a>, hit: &Hit, ray: &Ray, info: &'a RayInfo) -> Point<'a> {
@@ -142,7 +175,10 @@ impl Surface {
         let bent = |normal: Vec3A| normal_at(point, normal);
         match *closure {
             Closure::Principled(ref p) => {
-                bsdf.add_principled(scaled(p.weight), &principled(p, point));
+                let beneath = bsdf.add_principled(scaled(p.weight), &principled(p, point));
+                if beneath.subsurface != Vec3A::ZERO {
+                    self.add_subsurface(below_principled(p, beneath.subsurface, point), point);
+                }
             }
             Closure::Diffuse {
                 weight,
@@ -177,11 +213,109 @@ impl Surface {
                 let weight = scaled(weight) * color.max(Vec3A::ZERO);
                 bsdf.add_sheen(weight, bent(normal), roughness);
             }
+            Closure::Subsurface(ref s) => {
+                self.add_subsurface(below_node(s, scaled(s.weight), point), point);
+            }
             Closure::Emission(radiance) => self.emission += radiance * scale,
             Closure::Holdout(weight) => self.holdout += weight * scale,
             Closure::Transparent(_) => {}
         }
     }
+}
+
+impl Surface {
+    /// Adds subsurface scattering; where it does not spread, or behind a diffuse surface, where Cycles
+    /// does without it too, it is diffuse reflection.
+    fn add_subsurface(&mut self, below: Subsurface, point: &Point) {
+        let spreads = match point.ray.diffuse_depth {
+            0 => below.spreads(),
+            _ => Vec3A::ZERO,
+        };
+        let rest = below.weight * (1.0 - spreads);
+        self.bsdf.add_diffuse(rest, Vec3A::ONE, below.normal, 0.0);
+        let below = Subsurface {
+            weight: below.weight * spreads,
+            ..below
+        };
+        match &mut self.below {
+            _ if below.weight == Vec3A::ZERO => {}
+            Some(other) => other.absorb(&below),
+            None => self.below = Some(Box::new(below)),
+        }
+    }
+}
+
+/// What lies below a Principled BSDF, of which this weight is left.
+fn below_principled(p: &shader::Principled, weight: Vec3A, point: &Point) -> Subsurface {
+    let node = shader::Subsurface {
+        weight: 1.0,
+        color: p.base_color,
+        scale: p.subsurface_scale,
+        radius: p.subsurface_radius,
+        ior: if p.is_skin { p.subsurface_ior } else { p.ior },
+        roughness: p.roughness,
+        anisotropy: p.subsurface_anisotropy,
+        normal: p.normal,
+        is_skin: p.is_skin,
+    };
+    below_node(&node, weight, point)
+}
+
+/// The same for a Subsurface Scattering node.
+fn below_node(s: &shader::Subsurface, weight: Vec3A, point: &Point) -> Subsurface {
+    let color = s.color.clamp(Vec3A::ZERO, Vec3A::ONE);
+    Subsurface {
+        weight: weight * color,
+        color,
+        radius: (s.radius * s.scale).max(Vec3A::ZERO),
+        anisotropy: s.anisotropy.clamp(0.0, 0.9),
+        ior: s.ior.clamp(1.01, 3.8),
+        alpha: if s.is_skin {
+            1.0
+        } else {
+            alpha_of(s.roughness)
+        },
+        normal: normal_at(point, s.normal),
+        incoming: point.incoming,
+        method: if s.is_skin {
+            Method::Skin
+        } else {
+            Method::Plain
+        },
+    }
+}
+
+/// Where a walk below the surface, along `ray`, comes out at `hit`: a white Lambert surface, seen from
+/// outside.
+pub fn exit(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
+    let facet = Facet::new(frame, hit.instance, hit.triangle, ray.time);
+    let outside = Ray {
+        direction: -ray.direction,
+        ..*ray
+    };
+    let point = point_of(&facet, hit, &outside, info);
+    let mut surface = bare(frame, hit, &point, ray.time);
+    let normal = bumped_normal(frame, hit, &point);
+    surface
+        .bsdf
+        .add_diffuse(Vec3A::ONE, Vec3A::ONE, normal, 0.0);
+    surface
+}
+
+/// The normal of the surface's subsurface scattering.
+fn bumped_normal(frame: &SceneFrame, hit: &Hit, point: &Point) -> Vec3A {
+    let mut normal = Vec3A::ZERO;
+    if let Some(material) = frame.material_of(hit.instance, hit.triangle) {
+        let images = &frame.images;
+        material
+            .surface
+            .run(point, images, &mut |closure| match closure {
+                Closure::Principled(p) if p.subsurface_weight > 0.0 => normal = p.normal,
+                Closure::Subsurface(s) => normal = s.normal,
+                _ => {}
+            });
+    }
+    normal_at(point, normal)
 }
 
 fn add_glossy(bsdf: &mut Bsdf, glossy: &Glossy, weight: Vec3A, point: &Point) {
@@ -299,6 +433,7 @@ fn other_weights(frame: &SceneFrame, material: &Material, point: &Point) -> f32 
         sum += match closure {
             Closure::Principled(p) => p.weight,
             Closure::Glossy(glossy) => glossy.weight,
+            Closure::Subsurface(s) => s.weight,
             Closure::Glass(glass) | Closure::Refraction(glass) => glass.weight,
             Closure::Diffuse { weight, .. }
             | Closure::Translucent { weight, .. }

@@ -12,7 +12,7 @@ const LAYERS: &[&[&str]] = &[
     &["image", "shader"],
     &["scene", "film"],
     &["accel", "sampling", "record"],
-    &["progress", "surface", "path", "passes"],
+    &["progress", "subsurface", "surface", "path", "passes"],
     &["reuse"],
     &["render"],
     &["python"],

@@ -60,7 +60,8 @@ pub struct Shot {
     pub surface: Option<Surface>,
     /// What goes into the passes.
     pub seen: Sighting,
-    /// Radiance that the camera sees directly: of the background, of lamps, of a glowing surface.
+    /// Radiance that is the pixel's own: of the background, of lamps, of a glowing surface, and from
+    /// below the surface.
     pub radiance: Vec3A,
 }
 
@@ -158,7 +159,10 @@ impl View<'_> {
         let (seen, radiance) = match &surface {
             // As in Cycles a hole is a hole even where the background shows.
             None if is_held_out => (Sighting::NOTHING, Vec3A::ZERO),
-            Some(surface) => (self.sighting(surface), surface.emission),
+            Some(surface) => {
+                let below = tracer.from_below(surface, Bounces::default(), 1.0, &sampler);
+                (self.sighting(surface), surface.emission + below)
+            }
             None if hidden_background => {
                 let coverage = 1.0 - passed.share(distance).element_sum() / 3.0;
                 let sighting = Sighting {
@@ -203,7 +207,7 @@ impl View<'_> {
         Sighting {
             coverage: 1.0 - surface.holdout,
             normal: surface.normal,
-            albedo: surface.bsdf.albedo(),
+            albedo: surface.albedo(),
             depth: Some(self.tracer.frame.camera.depth(surface.position)),
         }
     }

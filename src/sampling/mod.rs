@@ -6,9 +6,11 @@ pub mod lights;
 mod sampler;
 mod shutter;
 
-pub use bsdf::{Bsdf, BsdfSample, Gloss, LobePdfs, LobeValues, Part, Principled};
+pub use bsdf::{
+    ALPHA_MIN, Bsdf, BsdfSample, Gloss, LobePdfs, LobeValues, Part, Principled, alpha_of,
+};
 pub use lights::{
     LightClass, LightHit, LightSample, LightSampler, Receiver, Strategy, emitted_radiance,
 };
-pub use sampler::{CameraSample, LightUse, Sampler, ScatterUse};
+pub use sampler::{CameraSample, LightUse, Sampler, ScatterUse, Walk};
 pub use shutter::ShutterTimes;

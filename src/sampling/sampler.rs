@@ -53,6 +53,31 @@ pub struct ScatterUse {
     pub roulette: f32,
 }
 
+/// Numbers for a walk: the first four are well distributed, the others plain random ones.
+#[derive(Debug, Clone)]
+pub struct Walk {
+    first: [f32; 4],
+    seed: u32,
+    count: u32,
+}
+
+impl Walk {
+    /// The next number, from 0 to below 1.
+    #[allow(clippy::should_implement_trait, reason = "it never ends")]
+    pub fn next(&mut self) -> f32 {
+        /// The bits that a float holds.
+        const UNIT: f32 = 1.0 / (1 << 24) as f32;
+        let index = self.count;
+        self.count += 1;
+        match self.first.get(index as usize) {
+            Some(&number) => number,
+            None => {
+                (mix(self.seed.wrapping_add(index.wrapping_mul(0x9e37_79b9))) >> 8) as f32 * UNIT
+            }
+        }
+    }
+}
+
 /// Uses of a vertex of a path; the camera counts as vertex 0's neighbour below.
 #[derive(Debug, Clone, Copy)]
 enum Use {
@@ -62,6 +87,7 @@ enum Use {
     Transparency,
     Sky,
     Time,
+    Walk,
 }
 
 /// Uses a vertex may have, a power of two.
@@ -118,6 +144,18 @@ impl Sampler {
             lobe,
             direction: [x, y],
             roulette,
+        }
+    }
+
+    /// Numbers for a walk of any length below the surface at the path's vertex number `vertex`.
+    pub fn walk(&self, vertex: u32) -> Walk {
+        let words = [vertex, self.index];
+        Walk {
+            first: self.point(vertex, Use::Walk),
+            seed: words
+                .into_iter()
+                .fold(mix(self.seed), |hash, word| mix(hash ^ word)),
+            count: 0,
         }
     }
 

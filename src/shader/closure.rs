@@ -35,6 +35,8 @@ pub enum Closure {
         roughness: f32,
         normal: Vec3A,
     },
+    /// Light that leaves elsewhere than it enters.
+    Subsurface(Subsurface),
     /// Light: radiance, weight included [W / (sr m^2)].
     Emission(Vec3A),
     /// Share of the light that passes straight on, weight included.
@@ -69,6 +71,21 @@ pub struct Glass {
     pub is_multiscatter: bool,
 }
 
+/// Inputs of Blender's Subsurface Scattering.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "the fields are the inputs of Blender's node")]
+pub struct Subsurface {
+    pub weight: f32,
+    pub color: Vec3A,
+    pub scale: f32,
+    pub radius: Vec3A,
+    pub ior: f32,
+    pub roughness: f32,
+    pub anisotropy: f32,
+    pub normal: Vec3A,
+    pub is_skin: bool,
+}
+
 /// Inputs of Blender's Principled BSDF.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[allow(missing_docs, reason = "the fields are the inputs of Blender's node")]
@@ -83,6 +100,9 @@ pub struct Principled {
     pub subsurface_weight: f32,
     pub subsurface_radius: Vec3A,
     pub subsurface_scale: f32,
+    pub subsurface_ior: f32,
+    pub subsurface_anisotropy: f32,
+    pub is_skin: bool,
     pub specular_ior_level: f32,
     pub specular_tint: Vec3A,
     pub anisotropic: f32,

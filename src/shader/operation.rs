@@ -148,6 +148,8 @@ use Parameter::{Attribute, Modes, None, Table};
 const OFF_ON: &[&str] = &["False", "True"];
 /// Whether light that bounces between microfacets is kept.
 const MULTISCATTER: Parameter = Modes(&[OFF_ON]);
+/// How light walks below a surface.
+const WALKS: &[&str] = &["RANDOM_WALK", "RANDOM_WALK_SKIN"];
 const DIMENSIONS: &[&str] = &["1D", "2D", "3D", "4D"];
 
 /// Everything an instruction may do; its number is the row.
@@ -212,13 +214,14 @@ pub static OPERATIONS: &[Operation] = &[
     here("height", &["Displacement"], None, normal::height),
     here("uv_tangent", &[], Attribute, normal::uv_tangent),
     here("radial_tangent", &["Generated"], Modes(&[&["X", "Y", "Z"]]), normal::radial_tangent),
-    closure("principled", &["Weight", "Base Color", "Metallic", "Roughness", "IOR", "Normal", "Diffuse Roughness", "Subsurface Weight", "Subsurface Radius", "Subsurface Scale", "Specular IOR Level", "Specular Tint", "Anisotropic", "Anisotropic Rotation", "Tangent", "Transmission Weight", "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal", "Sheen Weight", "Sheen Roughness", "Sheen Tint", "Thin Film Thickness", "Thin Film IOR"], MULTISCATTER, closures::principled),
+    closure("principled", &["Weight", "Base Color", "Metallic", "Roughness", "IOR", "Normal", "Diffuse Roughness", "Subsurface Weight", "Subsurface Radius", "Subsurface Scale", "Specular IOR Level", "Specular Tint", "Anisotropic", "Anisotropic Rotation", "Tangent", "Transmission Weight", "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal", "Sheen Weight", "Sheen Roughness", "Sheen Tint", "Thin Film Thickness", "Thin Film IOR", "Subsurface IOR", "Subsurface Anisotropy"], Modes(&[OFF_ON, WALKS]), closures::principled),
     closure("diffuse", &["Weight", "Color", "Roughness", "Normal"], None, closures::diffuse),
     closure("glossy", &["Weight", "Color", "Roughness", "Anisotropy", "Rotation", "Normal", "Tangent"], MULTISCATTER, closures::glossy),
     closure("glass", &["Weight", "Color", "Roughness", "IOR", "Normal"], MULTISCATTER, closures::glass),
     closure("refraction", &["Weight", "Color", "Roughness", "IOR", "Normal"], None, closures::refraction),
     closure("translucent", &["Weight", "Color", "Normal"], None, closures::translucent),
     closure("sheen", &["Weight", "Color", "Roughness", "Normal"], None, closures::sheen),
+    closure("subsurface", &["Weight", "Color", "Scale", "Radius", "IOR", "Roughness", "Anisotropy", "Normal"], Modes(&[WALKS]), closures::subsurface),
     closure("emission", &["Weight", "Color"], None, closures::emission),
     closure("transparent", &["Weight", "Color"], None, closures::transparent),
     closure("holdout", &["Weight"], None, closures::holdout),

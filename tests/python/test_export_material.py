@@ -54,6 +54,8 @@ class Closure:
         for match in re.finditer(rf"(\w+): (?:{vector}|({NUMBER}))", text):
             name, *xyz, number = match.groups()
             values[name] = float(number) if number else [float(x) for x in xyz]
+        for name, word in re.findall(r"(\w+): (true|false)", text):
+            values[name] = word == "true"
         plain = re.fullmatch(rf"\w+\({vector}\)", text)
         if plain:
             values["color"] = [float(x) for x in plain.groups()]
@@ -204,7 +206,6 @@ def test_links_are_followed_through_groups_reroutes_and_mutes() -> None:
 
 
 LEFT_OUT = [
-    ("Subsurface Weight", "Subsurface is not rendered yet (diffuse reflection is shown)"),
     ("Thin Film Thickness", "Thin Film is not rendered yet"),
 ]
 
@@ -490,3 +491,27 @@ def test_a_uv_map_by_name(name: str) -> None:
     frame = export_now()
     assert frame.warnings == []
     assert len(frame.meshes[0].layer_keys) == (1 if name else 0)
+
+
+def test_subsurface_scattering_is_handed_over() -> None:
+    def build(tree: Any) -> Any:
+        shader = node(tree, "ShaderNodeSubsurfaceScattering")
+        shader.falloff = "RANDOM_WALK_SKIN"
+        socket_of(shader, "Scale").default_value = 0.25
+        return shader.outputs[0]
+
+    (closure,), warnings = closures_of(build)
+    assert warnings == []
+    assert closure.kind == "Subsurface"
+    assert closure["scale"] == 0.25
+    assert closure["is_skin"]
+
+
+def test_the_burley_method_is_named() -> None:
+    def build(tree: Any) -> Any:
+        shader = node(tree, "ShaderNodeSubsurfaceScattering")
+        shader.falloff = "BURLEY"
+        return shader.outputs[0]
+
+    _, warnings = closures_of(build)
+    assert warnings == ["'Wood': Christensen-Burley is not rendered yet (Random Walk is used)"]

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 from ..nodes import Color, Source
 from .compiler import ONE, ZERO, Compiler
-from .program import Operand, Value
+from .program import Operand, Operation, Value
 
 # Blender's reflectance where nothing is known.
 DEFAULT_SURFACE = (0.8, 0.8, 0.8)
@@ -46,9 +46,16 @@ def _closure(compiler: Compiler, source: Source, name: str, weight: Operand) -> 
     """The closure `name` with the node's inputs, and what its distribution says."""
     operation = compiler.operations[name]
     operands = (compiler.input(source, identifier) for identifier in operation.inputs[1:])
-    keeps_all = getattr(source.node, "distribution", "") == "MULTI_GGX"
-    parameter = int(keeps_all) if operation.modes else 0
+    parameter = operation.parameter(_modes(source, operation)) or 0
     compiler.emit(name, weight, *operands, parameter=parameter)
+
+
+def _modes(source: Source, operation: Operation) -> list[str]:
+    """What the node chooses of each of the operation's lists."""
+    keeps_all = getattr(source.node, "distribution", "") == "MULTI_GGX"
+    walk = getattr(source.node, "subsurface_method", getattr(source.node, "falloff", ""))
+    chosen = (str(keeps_all), "RANDOM_WALK_SKIN" if walk == "RANDOM_WALK_SKIN" else "RANDOM_WALK")
+    return [mode for modes in operation.modes for mode in chosen if mode in modes]
 
 
 def closure(name: str) -> Shader:
@@ -73,14 +80,22 @@ def _warn_of_closure(compiler: Compiler, source: Source, name: str) -> None:
 def principled(compiler: Compiler, source: Source, weight: Operand) -> None:
     """Reflection, light and transparency of a Principled BSDF."""
     compiler.missing_unless(source, "Thin Film Thickness", 0.0, "Thin Film")
-    what = ("Subsurface", "diffuse reflection is shown")
-    compiler.missing_unless(source, "Subsurface Weight", 0.0, *what)
+    if source.node.subsurface_method == "BURLEY":
+        what = ("Christensen-Burley", "Random Walk is used")
+        compiler.missing_unless(source, "Subsurface Weight", 0.0, *what)
     alpha = compiler.saturated(compiler.input(source, "Alpha"))
     opaque = compiler.times(weight, alpha)
     _closure(compiler, source, "principled", opaque)
     _emission(compiler, source, "Emission Color", "Emission Strength", opaque)
     if alpha != ONE:
         compiler.emit("transparent", compiler.times(weight, compiler.rest(alpha)), ONE)
+
+
+def subsurface(compiler: Compiler, source: Source, weight: Operand) -> None:
+    """Subsurface Scattering."""
+    if source.node.falloff == "BURLEY":
+        compiler.missing("Christensen-Burley", "Random Walk is used")
+    _closure(compiler, source, "subsurface", weight)
 
 
 def metallic(compiler: Compiler, source: Source, weight: Operand) -> None:
@@ -187,4 +202,5 @@ SHADERS: dict[str, Shader] = {
     "ShaderNodeEmission": emission,
     "ShaderNodeHoldout": holdout,
     "ShaderNodeMixShader": mix,
+    "ShaderNodeSubsurfaceScattering": subsurface,
 }

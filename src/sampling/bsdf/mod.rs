@@ -262,7 +262,7 @@ impl Bsdf {
     ) {
         let color = color.clamp(Vec3A::ZERO, Vec3A::ONE);
         let normal = self.reflecting_normal(normal);
-        let alpha = alpha(roughness);
+        let alpha = alpha_of(roughness);
         let anisotropy = anisotropy.clamp(-0.99, 0.99);
         let (tangent, ggx) = if anisotropy == 0.0 {
             (None, Ggx::isotropic(alpha))
@@ -284,7 +284,7 @@ impl Bsdf {
     /// Adds a Refraction BSDF; the weight includes its colour.
     pub fn add_refraction(&mut self, weight: Vec3A, normal: Vec3A, roughness: f32, ior: f32) {
         let glass = Glass {
-            ggx: Ggx::isotropic(alpha(roughness)),
+            ggx: Ggx::isotropic(alpha_of(roughness)),
             ior: self.relative_ior(ior),
             f0: None,
             reflection_tint: Vec3A::ZERO,
@@ -305,7 +305,7 @@ impl Bsdf {
     ) {
         let color = color.max(Vec3A::ZERO);
         let glass = Glass {
-            ggx: Ggx::isotropic(alpha(roughness)),
+            ggx: Ggx::isotropic(alpha_of(roughness)),
             ior: self.relative_ior(ior),
             f0: Some(Vec3A::splat(f0_from_ior(ior.max(1e-5)))),
             reflection_tint: color,
@@ -687,7 +687,7 @@ fn bump_of(cos: f32) -> f32 {
 }
 
 /// GGX alpha of Blender's roughness.
-fn alpha(roughness: f32) -> f32 {
+pub fn alpha_of(roughness: f32) -> f32 {
     let roughness = roughness.clamp(0.0, 1.0);
     (roughness * roughness).max(ALPHA_MIN)
 }

@@ -5,9 +5,7 @@
 //! (Cycles' albedo scaling). Emission lies below sheen and coat; the caller adds it.
 //!
 //! # Approximations
-//! Subsurface scattering is diffuse reflection of the base colour: light leaves where it entered, so
-//! energy and colour are right where the radius is small against the shape. Thin film is left out;
-//! the add-on names it.
+//! Thin film is left out; the add-on names it.
 
 use glam::Vec3A;
 
@@ -41,7 +39,7 @@ pub struct Principled {
     pub tangent: Vec3A,
     /// Transmission weight, 0 to 1.
     pub transmission: f32,
-    /// Subsurface weight, 0 to 1.
+    /// Subsurface weight, 0 to 1; the scattering itself is the caller's.
     pub subsurface: f32,
     /// Coat weight.
     pub coat: f32,
@@ -95,10 +93,18 @@ impl Principled {
     }
 }
 
+/// What a Principled BSDF leaves to its caller.
+#[derive(Debug, Clone, Copy)]
+pub struct Beneath {
+    /// Weight of the emission, which sheen and coat dim.
+    pub emission: Vec3A,
+    /// Weight of subsurface scattering, without its colour.
+    pub subsurface: Vec3A,
+}
+
 impl Bsdf {
-    /// Adds a Principled BSDF with this weight (its alpha included). Returns the weight of the
-    /// emission, which sheen and coat dim.
-    pub fn add_principled(&mut self, weight: Vec3A, params: &Principled) -> Vec3A {
+    /// Adds a Principled BSDF with this weight (its alpha included).
+    pub fn add_principled(&mut self, weight: Vec3A, params: &Principled) -> Beneath {
         let mut weight = weight;
         if params.sheen > 0.0 {
             weight = self.add_principled_sheen(weight, params);
@@ -106,7 +112,10 @@ impl Bsdf {
         if params.coat > 0.0 {
             weight = self.add_coat(weight, params);
         }
-        let below_coat = weight;
+        let mut beneath = Beneath {
+            emission: weight,
+            subsurface: Vec3A::ZERO,
+        };
         let metallic = params.metallic.clamp(0.0, 1.0);
         if metallic > 0.0 {
             self.add_metal(weight * metallic, params);
@@ -119,9 +128,12 @@ impl Bsdf {
         }
         if weight != Vec3A::ZERO {
             weight = self.add_dielectric(weight, params);
-            self.add_base(weight, params);
+            let subsurface = params.subsurface.clamp(0.0, 1.0);
+            beneath.subsurface = weight * subsurface;
+            let (rest, color) = (weight * (1.0 - subsurface), params.base_color);
+            self.add_diffuse(rest, color, params.normal, params.diffuse_roughness);
         }
-        below_coat
+        beneath
     }
 
     fn add_principled_sheen(&mut self, weight: Vec3A, params: &Principled) -> Vec3A {
@@ -198,21 +210,10 @@ impl Bsdf {
         below(weight, albedo)
     }
 
-    fn add_base(&mut self, weight: Vec3A, params: &Principled) {
-        let color = params.base_color.max(Vec3A::ZERO);
-        let subsurface = params.subsurface.clamp(0.0, 1.0);
-        if subsurface > 0.0 {
-            let scattered = color.min(Vec3A::ONE);
-            self.add_diffuse(weight * subsurface, scattered, params.normal, 0.0);
-        }
-        let rest = weight * (1.0 - subsurface);
-        self.add_diffuse(rest, color, params.normal, params.diffuse_roughness);
-    }
-
     /// The basis and the microfacets of metal and dielectric.
     fn grain(&mut self, params: &Principled) -> (u8, Ggx) {
         let normal = self.reflecting_normal(params.normal);
-        let alpha = super::alpha(params.roughness);
+        let alpha = super::alpha_of(params.roughness);
         let anisotropic = params.anisotropic.clamp(0.0, 1.0);
         if anisotropic == 0.0 {
             return (self.view(normal, None), Ggx::isotropic(alpha));
@@ -225,7 +226,7 @@ impl Bsdf {
 }
 
 fn isotropic(roughness: f32) -> Ggx {
-    Ggx::isotropic(super::alpha(roughness))
+    Ggx::isotropic(super::alpha_of(roughness))
 }
 
 /// The weight that is left below a layer of this albedo.

@@ -3,7 +3,7 @@
 
 use glam::Vec3A;
 
-use super::super::closure::{Closure, Glass, Glossy, Principled};
+use super::super::closure::{Closure, Glass, Glossy, Principled, Subsurface};
 use super::super::operation::Args;
 
 fn vector(a: &Args, input: usize) -> Vec3A {
@@ -51,6 +51,9 @@ pub fn principled(a: &Args) -> Closure {
         sheen_tint: vector(a, 23),
         thin_film_thickness: float(a, 24),
         thin_film_ior: float(a, 25),
+        subsurface_ior: float(a, 26),
+        subsurface_anisotropy: float(a, 27),
+        is_skin: a.is_on(1),
         is_multiscatter: a.is_on(0),
     })
 }
@@ -111,6 +114,20 @@ pub fn sheen(a: &Args) -> Closure {
         roughness: float(a, 2),
         normal: vector(a, 3),
     }
+}
+
+pub fn subsurface(a: &Args) -> Closure {
+    Closure::Subsurface(Subsurface {
+        weight: weight(a),
+        color: vector(a, 1),
+        scale: float(a, 2),
+        radius: vector(a, 3),
+        ior: float(a, 4),
+        roughness: float(a, 5),
+        anisotropy: float(a, 6),
+        normal: vector(a, 7),
+        is_skin: a.is_on(0),
+    })
 }
 
 /// Lamps do not absorb: negative light is none.
