@@ -15,6 +15,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -127,7 +128,9 @@ class DualConeEngine(bpy.types.RenderEngine):
         started = time.perf_counter()
         renderer = core.load()
         order = read_order(self, depsgraph)
-        for warning in unsupported(depsgraph.scene):
+        method = depsgraph.scene.dualcone.method
+        lost = passes.problems(depsgraph.view_layer, method)
+        for warning in chain(unsupported(depsgraph.scene), lost):
             self._warn(warning)
         with self._scene_put_back(depsgraph.scene):
             reader = Reader(self, renderer, depsgraph, order)

@@ -20,13 +20,45 @@ BLENDER_SWITCH = {
     "UV": "use_pass_uv",
     "Object Index": "use_pass_object_index",
     "Material Index": "use_pass_material_index",
+    "Diffuse Direct": "use_pass_diffuse_direct",
+    "Diffuse Indirect": "use_pass_diffuse_indirect",
+    "Diffuse Color": "use_pass_diffuse_color",
+    "Glossy Direct": "use_pass_glossy_direct",
+    "Glossy Indirect": "use_pass_glossy_indirect",
+    "Glossy Color": "use_pass_glossy_color",
+    "Transmission Direct": "use_pass_transmission_direct",
+    "Transmission Indirect": "use_pass_transmission_indirect",
+    "Transmission Color": "use_pass_transmission_color",
+    "Emission": "use_pass_emit",
+    "Environment": "use_pass_environment",
 }
 # What Blender called passes before version 5, where that was another name: files and the sockets of
 # its compositor go by these.
 NAMES_BEFORE_5 = {
     "Object Index": "IndexOB",
     "Material Index": "IndexMA",
+    "Diffuse Direct": "DiffDir",
+    "Diffuse Indirect": "DiffInd",
+    "Diffuse Color": "DiffCol",
+    "Glossy Direct": "GlossDir",
+    "Glossy Indirect": "GlossInd",
+    "Glossy Color": "GlossCol",
+    "Transmission Direct": "TransDir",
+    "Transmission Indirect": "TransInd",
+    "Transmission Color": "TransCol",
+    "Emission": "Emit",
+    "Environment": "Env",
 }
+# Passes of light: of what surfaces scatter, and of what is seen where it comes from.
+SCATTERED_LIGHT = tuple(
+    f"{part} {way}"
+    for part in ("Diffuse", "Glossy", "Transmission")
+    for way in ("Direct", "Indirect", "Color")
+)
+OTHER_LIGHT = ("Emission", "Environment")
+LIGHT = (*SCATTERED_LIGHT, *OTHER_LIGHT)
+# Methods that tell the parts of scattered light apart.
+DIVIDING_METHODS = ("DUAL_CONE", "PATH")
 # What the denoiser reads.
 GUIDES = ("Albedo", "Normal")
 
@@ -73,13 +105,25 @@ def own_passes() -> Iterator[Pass]:
     return (p for p in all_passes() if p.source not in BLENDER_SWITCH and p.source != "Combined")
 
 
+def switch(view_layer: bpy.types.ViewLayer, source: str) -> tuple[Any, str]:
+    """Return what holds the switch of a pass of the contract, and the switch's name."""
+    if source in BLENDER_SWITCH:
+        return view_layer, BLENDER_SWITCH[source]
+    return cast(Any, view_layer).dualcone, switch_name(source)
+
+
 def is_enabled(view_layer: bpy.types.ViewLayer, source: str) -> bool:
     """Tell whether a view layer asks for a pass of the contract."""
-    if source == "Combined":
-        return True
-    if source in BLENDER_SWITCH:
-        return getattr(view_layer, BLENDER_SWITCH[source])
-    return getattr(cast(Any, view_layer).dualcone, switch_name(source))
+    return source == "Combined" or getattr(*switch(view_layer, source))
+
+
+def problems(view_layer: bpy.types.ViewLayer, method: str) -> Iterator[str]:
+    """Name the passes that a view layer asks for and will not get."""
+    asked = [p.name for p in enabled_passes(view_layer) if p.source in SCATTERED_LIGHT]
+    asked = [name for name in asked if not name.endswith(("Color", "Col"))]
+    if asked and method not in DIVIDING_METHODS:
+        names = ", ".join(asked)
+        yield f"{names}: only Dual Cone and Path Tracing make these passes, they are black"
 
 
 def enabled_passes(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterable
 from typing import Any
 
 import bpy
@@ -289,22 +290,65 @@ class DUALCONE_PT_performance(RenderPanel, bpy.types.Panel):
         threads.prop(scene.render, "threads")
 
 
+class PassesPanel(RenderPanel):
+    """What the panels below Passes have in common."""
+
+    bl_context = "view_layer"
+    bl_parent_id = "DUALCONE_PT_passes"
+
+    def draw_switches(
+        self,
+        layout: bpy.types.UILayout,
+        view_layer: Any,
+        heading: str,
+        sources: Iterable[str],
+        *,
+        is_short: bool = False,
+    ) -> None:
+        """Draw a switch for each pass; short ones go by the last word of their name."""
+        column = layout.column(heading=heading, align=True)
+        for source in sources:
+            owner, switch = passes.switch(view_layer, source)
+            column.prop(owner, switch, text=source.split()[-1] if is_short else source)
+
+
 class DUALCONE_PT_passes(RenderPanel, bpy.types.Panel):
     """Which passes a view layer delivers."""
 
     bl_label = "Passes"
     bl_context = "view_layer"
 
+    def draw(self, _context: bpy.types.Context) -> None:
+        """Leave it to the panels below."""
+
+
+class DUALCONE_PT_passes_data(PassesPanel, bpy.types.Panel):
+    """Passes of what the camera sees, whatever light falls on it."""
+
+    bl_label = "Data"
+
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw a switch for each pass: Blender's own, then DualCone's."""
+        """Draw the switches: those that Cycles has too, then DualCone's own."""
         layout = labelled_rows(self)
-        view_layer: Any = context.view_layer
-        column = layout.column(heading="Include")
-        for render_pass in passes.all_passes():
-            if switch := passes.BLENDER_SWITCH.get(render_pass.source):
-                column.prop(view_layer, switch, text=render_pass.source)
-        for render_pass in passes.own_passes():
-            column.prop(view_layer.dualcone, passes.switch_name(render_pass.source))
+        known = [p.source for p in passes.all_passes() if p.source in passes.BLENDER_SWITCH]
+        data = [source for source in known if source not in passes.LIGHT]
+        self.draw_switches(layout, context.view_layer, "Include", data)
+        own = [p.source for p in passes.own_passes()]
+        self.draw_switches(layout, context.view_layer, "DualCone", own)
+
+
+class DUALCONE_PT_passes_light(PassesPanel, bpy.types.Panel):
+    """Passes of light that add up to the picture, as Cycles divides it."""
+
+    bl_label = "Light"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the switches."""
+        layout = labelled_rows(self)
+        for part in ("Diffuse", "Glossy", "Transmission"):
+            found = [source for source in passes.LIGHT if source.startswith(part)]
+            self.draw_switches(layout, context.view_layer, part, found, is_short=True)
+        self.draw_switches(layout, context.view_layer, "Other", passes.OTHER_LIGHT)
 
 
 CLASSES = (
@@ -320,6 +364,8 @@ CLASSES = (
     DUALCONE_PT_object_motion_blur,
     DUALCONE_PT_performance,
     DUALCONE_PT_passes,
+    DUALCONE_PT_passes_data,
+    DUALCONE_PT_passes_light,
 )
 
 

@@ -625,7 +625,7 @@ const fn pass(
     }
 }
 
-use Keep::{Always, First, Mean, MeanSeen};
+use Keep::{Always, First, Mean, MeanSeen, Over};
 
 /// Every pass that can be rendered, called as Blender 5 calls it.
 #[rustfmt::skip] // One line each.
@@ -639,6 +639,17 @@ pub const PASSES: &[PassSpec] = &[
     pass("UV", "UVA", "VECTOR", Mean, "Mean texture coordinate of the map that is active for rendering, and the share of surfaces that have one."),
     pass("Object Index", "X", "VALUE", First, "Pass index of the object in the first sample; 0 for the background."),
     pass("Material Index", "X", "VALUE", First, "Pass index of the material in the first sample; 0 for the background."),
+    pass("Diffuse Direct", "RGB", "COLOR", Over("Diffuse Color"), "Light that comes straight from its source and is scattered by diffuse and translucent closures, over their colour."),
+    pass("Diffuse Indirect", "RGB", "COLOR", Over("Diffuse Color"), "The same of light that comes by way of other surfaces."),
+    pass("Diffuse Color", "RGB", "COLOR", Mean, "Share of light that those closures scatter."),
+    pass("Glossy Direct", "RGB", "COLOR", Over("Glossy Color"), "Light that comes straight from its source and is mirrored, over the colour."),
+    pass("Glossy Indirect", "RGB", "COLOR", Over("Glossy Color"), "The same of light that comes by way of other surfaces."),
+    pass("Glossy Color", "RGB", "COLOR", Mean, "Share of light that is mirrored."),
+    pass("Transmission Direct", "RGB", "COLOR", Over("Transmission Color"), "Light that comes straight from its source and is refracted, over the colour."),
+    pass("Transmission Indirect", "RGB", "COLOR", Over("Transmission Color"), "The same of light that comes by way of other surfaces."),
+    pass("Transmission Color", "RGB", "COLOR", Mean, "Share of light that is refracted."),
+    pass("Emission", "RGB", "COLOR", Mean, "Light of glowing surfaces and lamps that the camera sees."),
+    pass("Environment", "RGB", "COLOR", Mean, "Light of the world that the camera sees."),
     pass("Albedo", "RGB", "COLOR", Always, "Mean share of light that the surface reflects."),
     pass("Noisy Image", "RGBA", "COLOR", Always, "Combined before denoising."),
     pass("Sample Count", "X", "VALUE", Always, "Camera rays of the pixel."),
@@ -653,7 +664,7 @@ pub fn always_kept() -> Vec<String> {
 }
 
 /// Passes of light, beside those that are divided by a colour.
-const LIGHT: &[&str] = &["Combined", "Noisy Image"];
+const LIGHT: &[&str] = &["Combined", "Noisy Image", "Emission", "Environment"];
 
 macro_rules! settings {
     ($($(#[doc = $doc:literal])+ $name:ident: $type:ty = $kind:expr, $label:literal;)+) => {

@@ -184,6 +184,11 @@ impl FilmRow<'_> {
         }
     }
 
+    /// What its pixels keep for passes.
+    pub fn layout(&self) -> &Layout {
+        self.layout
+    }
+
     /// Pixels in the row.
     pub fn width(&self) -> usize {
         self.sums.len()

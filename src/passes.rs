@@ -6,7 +6,8 @@
 use glam::{Affine3A, Vec2, Vec3A};
 
 use crate::accel::Hit;
-use crate::film::{Extra, Region, Row};
+use crate::film::{Extra, Layout, Region, Row};
+use crate::path::Divided;
 use crate::scene::{Flow, SceneFrame, interpolate};
 use crate::surface::Surface;
 
@@ -45,6 +46,60 @@ pub fn add_data(extra: &mut Extra, iteration: u32, seen: &Seen) {
             extra.add(*row, iteration, &values);
         }
     }
+}
+
+/// Diffuse, glossy, transmission; each straight from its source, by way of other surfaces, and the
+/// colour that both are divided by.
+const SCATTERED: [[Row; 3]; 3] = [
+    [
+        Row::of("Diffuse Direct"),
+        Row::of("Diffuse Indirect"),
+        Row::of("Diffuse Color"),
+    ],
+    [
+        Row::of("Glossy Direct"),
+        Row::of("Glossy Indirect"),
+        Row::of("Glossy Color"),
+    ],
+    [
+        Row::of("Transmission Direct"),
+        Row::of("Transmission Indirect"),
+        Row::of("Transmission Color"),
+    ],
+];
+const EMISSION: Row = Row::of("Emission");
+const ENVIRONMENT: Row = Row::of("Environment");
+
+/// Whether a pass asks how surfaces scattered the light that they send to the camera.
+pub fn wants_scattered(layout: &Layout) -> bool {
+    let rows = SCATTERED
+        .iter()
+        .flat_map(|[direct, indirect, _]| [direct, indirect]);
+    layout.stride() > 0 && rows.into_iter().any(|row| layout.keeps(*row))
+}
+
+/// Adds light that a surface sent to the camera.
+pub fn add_scattered(extra: &mut Extra, iteration: u32, light: &Divided) {
+    let parts = SCATTERED
+        .iter()
+        .zip(light.direct.iter().zip(&light.indirect));
+    for ([in_direct, in_indirect, _], (direct, indirect)) in parts {
+        extra.add(*in_direct, iteration, &direct.to_array());
+        extra.add(*in_indirect, iteration, &indirect.to_array());
+    }
+}
+
+/// Adds the colours of a surface.
+pub fn add_colors(extra: &mut Extra, iteration: u32, surface: &Surface) {
+    for ([_, _, row], color) in SCATTERED.iter().zip(surface.colors()) {
+        extra.add(*row, iteration, &color.to_array());
+    }
+}
+
+/// Adds light that the camera sees where it comes from.
+pub fn add_seen_light(extra: &mut Extra, iteration: u32, emission: Vec3A, environment: Vec3A) {
+    extra.add(EMISSION, iteration, &emission.to_array());
+    extra.add(ENVIRONMENT, iteration, &environment.to_array());
 }
 
 fn mist(seen: &Seen) -> Option<[f32; 4]> {

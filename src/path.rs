@@ -148,6 +148,74 @@ impl Continuation {
     }
 }
 
+/// Light that a surface sends to the camera, as passes divide it: see [`LobeValues::by_pass`].
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Divided {
+    /// Straight from its source.
+    pub direct: [Vec3A; 3],
+    /// By way of other surfaces.
+    pub indirect: [Vec3A; 3],
+}
+
+impl Divided {
+    /// Adds light (straight from its source, by way of other surfaces) that is scattered by these
+    /// values times `scale`.
+    pub fn add(&mut self, values: &LobeValues, [direct, indirect]: [Vec3A; 2], scale: f32) {
+        for (part, value) in values.by_pass().into_iter().enumerate() {
+            self.direct[part] += direct * value * scale;
+            self.indirect[part] += indirect * value * scale;
+        }
+    }
+
+    /// Adds light straight from its source that is scattered already.
+    pub fn add_direct(&mut self, scattered: &LobeValues) {
+        self.add(scattered, [Vec3A::ONE, Vec3A::ZERO], 1.0);
+    }
+}
+
+/// What a surface reflects.
+#[derive(Default)]
+pub struct Reflected {
+    /// Light of light samples, scattered.
+    direct: LobeValues,
+    /// What came along the path that goes on.
+    gathered: Gathered,
+    /// `f cos` of the direction that it took [1/sr].
+    value: LobeValues,
+    /// Density of that direction [1/sr], and the probability of going on.
+    pdf_solid_angle: f32,
+    survival: f32,
+}
+
+impl Reflected {
+    /// All of it.
+    pub fn sum(&self) -> Vec3A {
+        if self.survival == 0.0 {
+            return self.direct.sum();
+        }
+        let weight = self.value.sum() / self.pdf_solid_angle;
+        self.direct.sum() + self.gathered.sum() * weight / self.survival
+    }
+
+    /// All of it times a colour.
+    fn tinted(self, color: Vec3A) -> Self {
+        Self {
+            direct: self.direct * color,
+            value: self.value * color,
+            ..self
+        }
+    }
+
+    /// Adds it to what passes keep, times `scale`.
+    pub fn divide(&self, divided: &mut Divided, scale: f32) {
+        divided.add(&self.direct, [Vec3A::ONE, Vec3A::ZERO], scale);
+        if self.survival > 0.0 {
+            let scale = scale / (self.pdf_solid_angle * self.survival);
+            divided.add(&self.value, self.gathered.by_way(), scale);
+        }
+    }
+}
+
 /// What comes back along a ray, apart by origin. Radiance of lights that light sampling also finds
 /// is weighted already.
 #[derive(Debug, Clone, Copy, Default)]
@@ -168,6 +236,11 @@ impl Gathered {
     /// All of it.
     pub fn sum(&self) -> Vec3A {
         self.environment + self.lamps + self.indirect
+    }
+
+    /// Straight from its source, and by way of other surfaces.
+    pub fn by_way(&self) -> [Vec3A; 2] {
+        [self.environment + self.lamps, self.indirect]
     }
 }
 
@@ -403,69 +476,62 @@ impl<'a> Tracer<'a> {
         from: Bounces,
         throughput: f32,
         sampler: &Sampler,
-    ) -> Vec3A {
-        let direct = self.direct(
-            surface,
-            &from,
-            strategy_at(from.total),
-            sampler,
-            Bsdf::mixed,
-        );
-        let direct = match from.total {
-            0 => direct.sum(),
-            _ => clamped(direct.sum(), throughput, self.settings.clamp_indirect),
+    ) -> Reflected {
+        let strategy = strategy_at(from.total);
+        let direct = self.direct(surface, &from, strategy, sampler, Bsdf::mixed);
+        let factor = match from.total {
+            0 => 1.0,
+            _ => clamp_factor(direct.sum(), throughput, self.settings.clamp_indirect),
         };
-        direct + self.continued(surface, from, throughput, sampler)
+        let continued = self.continued(surface, from, throughput, sampler);
+        Reflected {
+            direct: direct * factor,
+            ..continued.unwrap_or_default()
+        }
     }
 
-    /// Radiance that leaves a surface after a walk below it.
+    /// What leaves a surface after a walk below it.
     pub fn from_below(
         &self,
         surface: &Surface,
         from: Bounces,
         throughput: f32,
         sampler: &Sampler,
-    ) -> Vec3A {
-        let Some(below) = &surface.below else {
-            return Vec3A::ZERO;
-        };
+    ) -> Option<Reflected> {
+        let below = surface.below.as_ref()?;
         let mut numbers = sampler.walk(from.total);
         let inwards = |direction: &Vec3A| direction.dot(surface.geometric_normal) < 0.0;
-        let Some(direction) = below.entry(&mut numbers).filter(inwards) else {
-            return Vec3A::ZERO;
-        };
+        let direction = below.entry(&mut numbers).filter(inwards)?;
         let meet = |ray: &Ray| {
             count_ray();
             let instance = surface.hit.instance;
             let hit = self.accel.closest_hit_of(self.frame, ray, instance)?;
             Some((hit.t, hit))
         };
-        let Some(exit) = below.walk(surface.ray_into(direction), &mut numbers, meet) else {
-            return Vec3A::ZERO;
-        };
+        let exit = below.walk(surface.ray_into(direction), &mut numbers, meet)?;
         let weight = below.weight * exit.carried;
         let outside = surface::exit(self.frame, &exit.hit, &exit.ray, &from.ray_info());
         let throughput = throughput * weight.max_element();
-        weight * self.reflected(&outside, from, throughput, sampler)
+        let reflected = self.reflected(&outside, from, throughput, sampler);
+        Some(reflected.tinted(weight))
     }
 
+    /// The path that goes on, if one does.
     fn continued(
         &self,
         surface: &Surface,
         from: Bounces,
         throughput: f32,
         sampler: &Sampler,
-    ) -> Vec3A {
+    ) -> Option<Reflected> {
         let numbers = sampler.scatter(from.total);
-        let Some(sample) = surface.bsdf.sample(numbers.lobe, numbers.direction) else {
-            return Vec3A::ZERO;
-        };
+        let sample = surface.bsdf.sample(numbers.lobe, numbers.direction)?;
         let pdf_solid_angle = surface.bsdf.pdf(sample.pdfs);
         let weight = sample.value.sum() / pdf_solid_angle;
         let throughput = throughput * weight.max_element();
         let survival = survival_probability(from.total + 1, throughput);
         if !(survival > 0.0) || numbers.roulette >= survival {
-            return Vec3A::ZERO;
+            return None;
         }
         let next = Continuation {
             ray: surface.ray_towards(sample.direction),
@@ -478,7 +544,13 @@ impl<'a> Tracer<'a> {
             throughput: throughput / survival,
             wants_distance: false,
         };
-        self.gather(&next, sampler).sum() * weight / survival
+        Some(Reflected {
+            direct: LobeValues::default(),
+            gathered: self.gather(&next, sampler),
+            value: sample.value,
+            pdf_solid_angle,
+            survival,
+        })
     }
 
     /// What comes back along a ray that goes on from a surface.
@@ -535,8 +607,9 @@ impl<'a> Tracer<'a> {
         }
         gathered.probability_lambert = surface.bsdf.probability_lambert();
         if !last {
-            gathered.indirect = self.reflected(&surface, bounces, from.throughput, sampler)
-                + self.from_below(&surface, bounces, from.throughput, sampler);
+            let reflected = self.reflected(&surface, bounces, from.throughput, sampler);
+            let below = self.from_below(&surface, bounces, from.throughput, sampler);
+            gathered.indirect = reflected.sum() + below.map_or(Vec3A::ZERO, |below| below.sum());
         }
         gathered
     }
@@ -660,6 +733,7 @@ impl<'a> Tracer<'a> {
             diffuse: values.diffuse * radiance * weight(light, own.own),
             glossy: values.glossy * radiance * weight(light, own.own),
             transmission: values.transmission * radiance * weight(light, own.own),
+            translucent: values.translucent * radiance * weight(light, own.own),
         }
     }
 
@@ -693,6 +767,7 @@ fn found_by(light: &LightSample, values: LobeValues, vertex: u32) -> LobeValues 
         diffuse: part(values.diffuse, RayKind::Diffuse),
         glossy: part(values.glossy, RayKind::Glossy),
         transmission: part(values.transmission, RayKind::Transmission),
+        translucent: part(values.translucent, RayKind::Transmission),
     }
 }
 

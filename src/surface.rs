@@ -93,6 +93,15 @@ impl Surface {
         self.bsdf.albedo() + below.map_or(Vec3A::ZERO, |below| below.weight)
     }
 
+    /// The same, as passes divide it: see [`Bsdf::colors`].
+    pub fn colors(&self) -> [Vec3A; 3] {
+        let mut colors = self.bsdf.colors();
+        if let Some(below) = &self.below {
+            colors[0] += below.weight;
+        }
+        colors
+    }
+
     /// The shading normal on the side of the surface that `direction` leaves to.
     pub fn normal_towards(&self, direction: Vec3A) -> Vec3A {
         if direction.dot(self.geometric_normal) < 0.0 {

@@ -117,7 +117,7 @@ impl Estimator for Bilateral {
                 let mut target = row.pixel(x);
                 view.note(&shot, iteration, &mut target);
                 target.sums.add_effective_samples(1.0);
-                target.sums.add_radiance(shot.radiance);
+                target.sums.add_radiance(shot.radiance());
                 *pixel = pixel_of(view, &shot);
             }
         })
@@ -145,7 +145,8 @@ fn pixel_of(view: &View, shot: &super::Shot) -> Pixel {
     let albedo = surface.bsdf.albedo().max(Vec3A::splat(DARKEST_ALBEDO));
     let reflected = view
         .tracer
-        .reflected(surface, Bounces::default(), 1.0, &shot.sampler);
+        .reflected(surface, Bounces::default(), 1.0, &shot.sampler)
+        .sum();
     Pixel {
         position: surface.position,
         normal: surface.normal,

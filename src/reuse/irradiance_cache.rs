@@ -78,7 +78,7 @@ impl Estimator for IrradianceCache {
                 pixel.sums.add_effective_samples(1.0);
                 pixel
                     .sums
-                    .add_radiance(shot.radiance + own_light(view, &shot));
+                    .add_radiance(shot.radiance() + own_light(view, &shot));
                 *place = shot.surface;
             }
         })?;

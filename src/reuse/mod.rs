@@ -21,7 +21,7 @@ use crate::error::{Error, Result};
 use crate::film::{Film, FilmRow, Pixel, Region, Sighting};
 use crate::math::{PixelFilter, Ray};
 use crate::passes::{self, Seen};
-use crate::path::{Bounces, Tracer, take_rays};
+use crate::path::{Bounces, Divided, Reflected, Tracer, take_rays};
 use crate::progress::Progress;
 use crate::sampling::{Sampler, ShutterTimes, Strategy};
 use crate::scene::FrameWindow;
@@ -60,12 +60,28 @@ pub struct Shot {
     pub surface: Option<Surface>,
     /// What goes into the passes.
     pub seen: Sighting,
-    /// Radiance that is the pixel's own: of the background, of lamps, of a glowing surface, and from
-    /// below the surface.
-    pub radiance: Vec3A,
+    /// Radiance that the camera sees of lamps and of a glowing surface.
+    pub emission: Vec3A,
+    /// Radiance that it sees of the background.
+    pub environment: Vec3A,
+    /// What comes from below the surface.
+    pub below: Option<Reflected>,
 }
 
 impl Shot {
+    /// Radiance that is the pixel's own whatever it shares: all but what the surface reflects.
+    pub fn radiance(&self) -> Vec3A {
+        let below = self.below.as_ref().map_or(Vec3A::ZERO, Reflected::sum);
+        self.emission + self.environment + below
+    }
+
+    /// Adds what comes from below the surface to what passes keep.
+    fn divide_below(&self, divided: &mut Divided) {
+        if let Some(below) = &self.below {
+            below.divide(divided, 1.0);
+        }
+    }
+
     /// Of a pixel outside of a fisheye's picture: black and opaque, as in Cycles.
     fn outside(sampler: Sampler) -> Self {
         Self {
@@ -73,7 +89,9 @@ impl Shot {
             direction: None,
             surface: None,
             seen: Sighting::BACKGROUND,
-            radiance: Vec3A::ZERO,
+            emission: Vec3A::ZERO,
+            environment: Vec3A::ZERO,
+            below: None,
         }
     }
 }
@@ -156,13 +174,10 @@ impl View<'_> {
             Some(surface) if is_hole(&surface) => (true, None),
             surface => (false, surface),
         };
-        let (seen, radiance) = match &surface {
+        let (seen, environment) = match &surface {
             // As in Cycles a hole is a hole even where the background shows.
             None if is_held_out => (Sighting::NOTHING, Vec3A::ZERO),
-            Some(surface) => {
-                let below = tracer.from_below(surface, Bounces::default(), 1.0, &sampler);
-                (self.sighting(surface), surface.emission + below)
-            }
+            Some(surface) => (self.sighting(surface), Vec3A::ZERO),
             None if hidden_background => {
                 let coverage = 1.0 - passed.share(distance).element_sum() / 3.0;
                 let sighting = Sighting {
@@ -179,12 +194,16 @@ impl View<'_> {
                 (Sighting::BACKGROUND, passed.share(distance) * radiance)
             }
         };
+        let glow = surface.as_ref().map_or(Vec3A::ZERO, |s| s.emission);
+        let below = |surface| tracer.from_below(surface, Bounces::default(), 1.0, &sampler);
         Shot {
+            below: surface.as_ref().and_then(below),
             sampler,
             direction: Some(ray.direction),
             surface,
             seen,
-            radiance: radiance + lamps,
+            emission: glow + lamps,
+            environment,
         }
     }
 
@@ -199,7 +218,12 @@ impl View<'_> {
                 surface: shot.surface.as_ref(),
                 direction: shot.direction,
             };
-            passes::add_data(&mut pixel.extra, iteration, &seen);
+            let extra = &mut pixel.extra;
+            passes::add_data(extra, iteration, &seen);
+            passes::add_seen_light(extra, iteration, shot.emission, shot.environment);
+            if let Some(surface) = &shot.surface {
+                passes::add_colors(extra, iteration, surface);
+            }
         }
     }
 

@@ -155,7 +155,7 @@ impl Estimator for Paper {
                 let mut pixel = row.pixel(x);
                 view.note(&shot, iteration, &mut pixel);
                 let pixel = pixel.sums;
-                pixel.add_radiance(shot.radiance);
+                pixel.add_radiance(shot.radiance());
                 if let Some(surface) = &shot.surface {
                     pixel.add_radiance(small_lights(view, surface, &shot.sampler));
                     let receiver = Receiver::new(view, surface, &shot.sampler, self);

@@ -10,7 +10,8 @@ use super::{Estimator, Sharing, View};
 use crate::contract::Settings;
 use crate::error::Result;
 use crate::film::{Film, Pixel, Region};
-use crate::path::Bounces;
+use crate::passes;
+use crate::path::{Bounces, Divided};
 
 /// Plain path tracing.
 pub struct Plain {
@@ -63,18 +64,27 @@ impl Plain {
         let shot = view.shoot(x, y, iteration);
         view.note(&shot, iteration, &mut pixel);
         pixel.sums.add_effective_samples(self.gathers as f32);
-        let mut radiance = shot.radiance;
+        let mut radiance = shot.radiance();
         if let Some(surface) = &shot.surface {
-            let mut reflected = Vec3A::ZERO;
+            let is_divided = passes::wants_scattered(pixel.extra.layout);
+            let (mut sum, mut divided) = (Vec3A::ZERO, Divided::default());
             for gather in 0..self.gathers {
                 // Consecutive, so that all gathers of a pixel are stratified against each other.
                 let index = iteration * self.gathers + gather;
                 let sampler = view.sampler(x, y, index);
-                reflected += view
+                let reflected = view
                     .tracer
                     .reflected(surface, Bounces::default(), 1.0, &sampler);
+                sum += reflected.sum();
+                if is_divided {
+                    reflected.divide(&mut divided, 1.0 / self.gathers as f32);
+                }
             }
-            radiance += reflected / self.gathers as f32;
+            radiance += sum / self.gathers as f32;
+            if is_divided {
+                shot.divide_below(&mut divided);
+                passes::add_scattered(&mut pixel.extra, iteration, &divided);
+            }
         }
         pixel.sums.add_radiance(radiance);
     }

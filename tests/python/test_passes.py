@@ -163,6 +163,134 @@ def test_data_would_be_seen_to_differ(pair: tuple[Exr, Exr], name: str) -> None:
     assert (error > tolerance)[inside].any()
 
 
+PARTS = ("Diffuse", "Glossy", "Transmission")
+LIGHT_SWITCHES = (
+    *(
+        f"use_pass_{part.lower()}_{way}"
+        for part in PARTS
+        for way in ("direct", "indirect", "color")
+    ),
+    "use_pass_emit",
+    "use_pass_environment",
+)
+
+
+@pytest.fixture
+def lit_stage(stage: Any) -> Any:
+    """Give things of the stage all kinds of closures, and light of all kinds."""
+    objects: Any = bpy.data.objects
+    objects["Plane"].data.materials[0] = material_of("BsdfPrincipled", Roughness=0.35)
+    cube = objects["Cube"]
+    cube.data.materials[0] = material_of("BsdfGlass", Roughness=0.3)
+    cube.animation_data_clear()
+    cube.location.z = 1.3  # No face of the glass may lie in the floor.
+    objects["Cylinder"].data.materials.append(material_of("BsdfTranslucent", Color=(0.3, 0.7, 0.5)))
+    for x, shader, inputs in (
+        (-2.2, "BsdfPrincipled", {"Metallic": 1.0, "Roughness": 0.4}),
+        (0.0, "BsdfPrincipled", {"Coat Weight": 1.0, "Sheen Weight": 0.5}),
+        (1.5, "BsdfPrincipled", {"Subsurface Weight": 1.0, "Subsurface Scale": 0.3}),
+        (3.1, "Emission", {"Strength": 2.0}),
+    ):
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.7, location=(x, -2.5, 0.7))
+        ball: Any = bpy.context.object
+        ball.data.materials.append(material_of(shader, **inputs))
+    bpy.ops.object.light_add(type="AREA", location=(2.0, -4.0, 6.0))
+    lamp: Any = bpy.context.object
+    lamp.data.energy, lamp.data.size = 600.0, 2.0
+    stage.world.use_nodes = True
+    nodes = stage.world.node_tree.nodes
+    sky = nodes.get("Background") or nodes.new("ShaderNodeBackground")
+    end = nodes.get("World Output") or nodes.new("ShaderNodeOutputWorld")
+    stage.world.node_tree.links.new(sky.outputs[0], end.inputs[0])
+    sky.inputs["Color"].default_value = (0.4, 0.5, 0.8, 1.0)
+    cycles = stage.cycles
+    cycles.max_bounces = cycles.transmission_bounces = 12
+    cycles.diffuse_bounces = cycles.glossy_bounces = 4
+    cycles.sample_clamp_indirect = cycles.blur_glossy = 0.0
+    switch_on(stage, *LIGHT_SWITCHES)
+    return stage
+
+
+def material_of(shader: str, **inputs: Any) -> Any:
+    """Make a material of one node."""
+    made = material(shader, 1)
+    tree = made.node_tree
+    tree.nodes.clear()
+    node = tree.nodes.new(f"ShaderNode{shader}")
+    for name, value in inputs.items():
+        is_color = isinstance(value, tuple)
+        node.inputs[name].default_value = (*value, 1.0) if is_color else value
+    tree.links.new(node.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
+    return made
+
+
+def lights(exr: Exr) -> dict[str, NDArray[Any]]:
+    """Return the passes that add up to the picture, each with its colour."""
+    found = {name: exr.layer(blender_name(name)) for name in ("Emission", "Environment")}
+    for part in PARTS:
+        color = exr.layer(blender_name(f"{part} Color"))
+        for way in ("Direct", "Indirect"):
+            name = f"{part} {way}"
+            found[name] = color * exr.layer(blender_name(name))
+    return found
+
+
+@pytest.fixture
+def cycles_light(lit_stage: Any) -> dict[str, NDArray[Any]]:
+    return lights(render(lit_stage, "CYCLES", 512))
+
+
+@pytest.mark.parametrize("method", ["PATH", "DUAL_CONE"])
+def test_light_adds_up_and_is_divided_as_cycles_does(
+    lit_stage: Any, cycles_light: dict[str, NDArray[Any]], method: str
+) -> None:
+    lit_stage.dualcone.method = method
+    exr = render(lit_stage, "DUALCONE", 128)
+    ours = lights(exr)
+    total = sum(ours.values())
+    np.testing.assert_allclose(total, exr.layer("Combined")[..., :3], rtol=1e-4, atol=1e-5)
+    energies = {name: pixels.mean() for name, pixels in cycles_light.items()}
+    for name, energy in energies.items():
+        # Noise; a part that went to another pass would show as more.
+        assert ours[name].mean() == pytest.approx(energy, rel=0.05, abs=5e-4), name
+    assert min(energy for name, energy in energies.items() if name != "Transmission Direct") > 2e-4
+
+
+def test_colors_are_those_of_cycles(lit_stage: Any) -> None:
+    switch_on(lit_stage, "use_pass_object_index")
+    for index, thing in enumerate(bpy.data.objects):
+        thing.pass_index = thing.pass_index or 20 + index
+    ours, theirs = render(lit_stage, "DUALCONE", 64), render(lit_stage, "CYCLES", 64)
+    inside = interior(ours) & interior(theirs)
+    for part in PARTS:
+        # How much rough glass lets pass is an estimate in both.
+        tolerance = 0.12 if part == "Transmission" else 0.02
+        name = f"{part} Color"
+        assert errors((ours, theirs), name)[inside].max() < tolerance, name
+
+
+def test_bits_do_not_depend_on_threads_or_on_frames_rendered_together(lit_stage: Any) -> None:
+    switch_on(lit_stage, *DATA_SWITCHES)
+    lit_stage.dualcone.method = "DUAL_CONE"
+    alone = render(lit_stage, "DUALCONE", 4)
+    lit_stage.frame_start, lit_stage.frame_end = FRAME - 1, FRAME + 1
+    lit_stage.render.threads = 2
+    together = render(lit_stage, "DUALCONE", 4)
+    assert alone.channels.keys() == together.channels.keys()
+    for name, pixels in alone.channels.items():
+        np.testing.assert_array_equal(pixels, together.channels[name], name)
+
+
+def test_a_pass_that_the_method_cannot_make_is_named(scene: Any) -> None:
+    from addon import passes
+
+    layer = scene.view_layers[0]
+    switch_on(scene, "use_pass_glossy_direct", "use_pass_glossy_color", "use_pass_z")
+    assert list(passes.problems(layer, "PATH")) == []
+    (problem,) = passes.problems(layer, "PAPER")
+    assert problem.startswith(f"{blender_name('Glossy Direct')}: only")
+
+
 def errors(pair: tuple[Exr, Exr], name: str) -> NDArray[Any]:
     ours, theirs = (exr.layer(blender_name(name)) for exr in pair)
     assert ours.shape == theirs.shape
@@ -180,7 +308,7 @@ def spread(pixels: NDArray[Any]) -> NDArray[Any]:
 
 
 def interior(exr: Exr) -> NDArray[np.bool_]:
-    """Pixels that show one object, and so do their neighbours."""
+    """Pixels that show one object, and so do their neighbours; needs the pass Object Index."""
     index = exr.layer(blender_name("Object Index"))[..., 0]
     alpha = exr.layer("Combined")[..., 3]
     same = (np.ptp(around(index), axis=0) == 0) & (index > 0) & (alpha == 1.0)

@@ -8,9 +8,11 @@ use super::records::{
     COSINE_LIMIT, Class, LENT_CLASSES, Light, Neighbours, TAN_BETA, UNIT, column, wide_column,
 };
 use super::veto::{Lending, Pilot};
-use crate::film::{FilmRow, Pixel};
+use crate::film::{Extra, FilmRow, Pixel};
 use crate::kernel::vector::{LANES, Vector, Work, run_on_vectors};
 use crate::math::luminance;
+use crate::passes;
+use crate::path::Divided;
 use crate::record::PADDING;
 use crate::reuse::Sharing;
 use crate::sampling;
@@ -113,15 +115,15 @@ pub enum Notes<'a> {
     Pilot(&'a mut [Pilot]),
 }
 
-/// One row of pixels that borrow.
-struct BorrowRow<'a> {
+/// One row of pixels that borrow; what they get is divided for passes where some are `DIVIDED`.
+struct BorrowRow<'a, const DIVIDED: bool> {
     borrow: &'a Borrow<'a>,
     y: usize,
     row: FilmRow<'a>,
     notes: Notes<'a>,
 }
 
-impl Work for BorrowRow<'_> {
+impl<const DIVIDED: bool> Work for BorrowRow<'_, DIVIDED> {
     type Output = ();
 
     #[inline(always)]
@@ -133,7 +135,9 @@ impl Work for BorrowRow<'_> {
             };
             let mut pixel = self.row.pixel(x);
             let before = pixel.sums.luminance();
-            let got = self.borrow.add_pixel::<V>(x, self.y, lending, &mut pixel);
+            let got = self
+                .borrow
+                .add_pixel::<V, DIVIDED>(x, self.y, lending, &mut pixel);
             match &mut self.notes {
                 Notes::Pilot(pilot) => {
                     pilot[x] = Pilot {
@@ -153,7 +157,15 @@ impl Work for BorrowRow<'_> {
 impl Borrow<'_> {
     /// Adds what the pixels of row `y` borrow.
     pub fn add_row(&self, y: usize, row: FilmRow, notes: Notes) {
-        run_on_vectors(BorrowRow {
+        if passes::wants_scattered(row.layout()) {
+            self.add_row_divided::<true>(y, row, notes);
+        } else {
+            self.add_row_divided::<false>(y, row, notes);
+        }
+    }
+
+    fn add_row_divided<const DIVIDED: bool>(&self, y: usize, row: FilmRow, notes: Notes) {
+        run_on_vectors(BorrowRow::<DIVIDED> {
             borrow: self,
             y,
             row,
@@ -164,7 +176,7 @@ impl Borrow<'_> {
     /// Adds what a pixel gets from there; returns its luminance as the window's, and that which the
     /// pixel would have got by its own sample and by those of its frame.
     #[inline(always)]
-    fn add_pixel<V: Vector>(
+    fn add_pixel<V: Vector, const DIVIDED: bool>(
         &self,
         x: usize,
         y: usize,
@@ -175,10 +187,12 @@ impl Borrow<'_> {
             return Pilot::default();
         };
         let albedo = self.receiver(x, y).albedo.color();
-        let reflected = |sums: &Sums<V>| albedo * sums.irradiance() + sums.gloss();
+        let reflected = |sums: &Sums<V, DIVIDED>| albedo * sums.irradiance() + sums.gloss();
         let mut wanted = Wanted::<V>::new(&block);
-        let own = reflected(&self.own(&wanted, x, y));
+        let own_sums = self.own(&wanted, x, y);
+        let own = reflected(&own_sums);
         if lending == Lending::None {
+            own_sums.divide(albedo, &mut pixel.extra);
             pixel.sums.add_radiance(own);
             pixel.sums.add_effective_samples(1.0);
             let own = luminance(own);
@@ -188,7 +202,7 @@ impl Borrow<'_> {
                 own,
             };
         }
-        let mut sums = Sums::<V>::new();
+        let mut sums = Sums::<V, DIVIDED>::new();
         let is_own = |lender: &usize| self.sharing.lenders[*lender] == self.sharing.target;
         for lender in (0..self.sharing.lenders.len()).filter(is_own) {
             self.add_lender(&block, lender, x, y, &mut wanted, &mut sums);
@@ -199,6 +213,7 @@ impl Borrow<'_> {
                 self.add_lender(&block, lender, x, y, &mut wanted, &mut sums);
             }
         }
+        sums.divide(albedo, &mut pixel.extra);
         let borrowed = reflected(&sums);
         pixel.sums.add_radiance(borrowed);
         pixel
@@ -213,7 +228,12 @@ impl Borrow<'_> {
 
     /// The pixel's own record alone.
     #[inline(always)]
-    fn own<V: Vector>(&self, wanted: &Wanted<V>, x: usize, y: usize) -> Sums<V> {
+    fn own<V: Vector, const DIVIDED: bool>(
+        &self,
+        wanted: &Wanted<V>,
+        x: usize,
+        y: usize,
+    ) -> Sums<V, DIVIDED> {
         let rows = self.sharing.memories[self.sharing.target].records.rows(y);
         let neighbours = Neighbours::new(rows, x as i64);
         let mut sums = Sums::new();
@@ -308,14 +328,14 @@ impl Borrow<'_> {
 
     /// Adds what the block holds in one lender.
     #[inline(always)]
-    fn add_lender<V: Vector>(
+    fn add_lender<V: Vector, const DIVIDED: bool>(
         &self,
         block: &Block,
         lender: usize,
         x: usize,
         y: usize,
         wanted: &mut Wanted<V>,
-        sums: &mut Sums<V>,
+        sums: &mut Sums<V, DIVIDED>,
     ) {
         let Some(place) = self.place(block, lender, x, y) else {
             return;
@@ -410,8 +430,19 @@ fn widest(classes: [bool; LENT_CLASSES]) -> Option<usize> {
     classes.iter().rposition(|&is_there| is_there)
 }
 
+/// A weighted mean of colours; black without weight.
+#[inline(always)]
+fn mean<V: Vector>(weight: V, value: [V; 3]) -> Vec3A {
+    let weight = weight.sum();
+    if weight > 0.0 {
+        Vec3A::from_array(value.map(V::sum)) / weight
+    } else {
+        Vec3A::ZERO
+    }
+}
+
 /// Weighted sums of each class.
-struct Sums<V> {
+struct Sums<V, const DIVIDED: bool> {
     weight: [V; LENT_CLASSES],
     value: [[V; 3]; LENT_CLASSES],
     /// Squared weights of the widest class, for the effective number of samples.
@@ -419,9 +450,11 @@ struct Sums<V> {
     /// Sum of the weights of light for the glossy closure.
     gloss_weight: V,
     gloss_value: [V; 3],
+    /// The part of it that comes by way of other surfaces, where passes ask for it.
+    gloss_indirect: [V; 3],
 }
 
-impl<V: Vector> Sums<V> {
+impl<V: Vector, const DIVIDED: bool> Sums<V, DIVIDED> {
     #[inline(always)]
     fn new() -> Self {
         let zero = V::splat(0.0);
@@ -431,6 +464,7 @@ impl<V: Vector> Sums<V> {
             weight_squared: zero,
             gloss_weight: zero,
             gloss_value: [zero; 3],
+            gloss_indirect: [zero; 3],
         }
     }
 
@@ -505,17 +539,19 @@ impl<V: Vector> Sums<V> {
         for (sum, (reflected, value)) in self.gloss_value.iter_mut().zip(values) {
             *sum = *sum + weight * reflected * value;
         }
+        if DIVIDED {
+            let indirect = V::splat(Class::Indirect as i16 as f32);
+            let weight = weight & light.class.equals(indirect);
+            for (axis, sum) in self.gloss_indirect.iter_mut().enumerate() {
+                *sum = *sum + weight * reflected[axis] * light.value[axis];
+            }
+        }
     }
 
     /// Radiance that the glossy closure reflects.
     #[inline(always)]
     fn gloss(&self) -> Vec3A {
-        let weight = self.gloss_weight.sum();
-        if weight > 0.0 {
-            Vec3A::from_array(self.gloss_value.map(V::sum)) / weight
-        } else {
-            Vec3A::ZERO
-        }
+        mean(self.gloss_weight, self.gloss_value)
     }
 
     /// Irradiance over pi: the classes' weighted means, added up.
@@ -523,12 +559,30 @@ impl<V: Vector> Sums<V> {
     fn irradiance(&self) -> Vec3A {
         let mut irradiance = Vec3A::ZERO;
         for (weight, value) in self.weight.iter().zip(&self.value) {
-            let weight = weight.sum();
-            if weight > 0.0 {
-                irradiance += Vec3A::from_array(value.map(V::sum)) / weight;
-            }
+            irradiance += mean(*weight, *value);
         }
         irradiance
+    }
+
+    /// Adds it all to the passes that ask for it: the sky's classes come straight from their source.
+    #[inline(always)]
+    fn divide(&self, albedo: Vec3A, extra: &mut Extra) {
+        if !DIVIDED {
+            return;
+        }
+        let class = Class::Indirect as usize;
+        let irradiance = mean(self.weight[class], self.value[class]);
+        let gloss = mean(self.gloss_weight, self.gloss_indirect);
+        let zero = Vec3A::ZERO;
+        let light = Divided {
+            direct: [
+                albedo * (self.irradiance() - irradiance),
+                self.gloss() - gloss,
+                zero,
+            ],
+            indirect: [albedo * irradiance, gloss, zero],
+        };
+        passes::add_scattered(extra, 0, &light);
     }
 
     /// Samples of equal weight that would be as good, for the widest class.

@@ -8,9 +8,10 @@ use super::REACH_ITERATIONS;
 use super::borrow::Receiver;
 use super::records::{Class, Record};
 use crate::film::Pixel;
-use crate::path::{Bounces, Continuation, Gathered};
+use crate::passes;
+use crate::path::{Bounces, Continuation, Divided, Gathered};
 use crate::reuse::{Shot, View};
-use crate::sampling::{Bsdf, Strategy};
+use crate::sampling::{Bsdf, LobeValues, Strategy};
 use crate::surface::Surface;
 
 /// Share of the sky's light in its small parts from which on they get a light sample. What gather
@@ -60,23 +61,34 @@ impl<'a> Pass<'a> {
     pub fn sample_pixel(&self, x: usize, y: usize, pixel: Option<Pixel>) -> PixelSample {
         let shot = self.view.shoot(x, y, self.iteration);
         let mut sample = PixelSample::default();
-        let mut own = shot.radiance;
+        let mut own = shot.radiance();
         // What is black looks for no light, so its dark records would say nothing.
         let shares =
             |s: &Surface| !s.bsdf.is_black() && s.bsdf.probability_lambert() >= LEAST_LAMBERT;
         let mut effective_samples = 1.0;
+        let is_divided = |pixel: &Pixel| passes::wants_scattered(pixel.extra.layout);
+        let mut divided = (pixel.as_ref().is_some_and(is_divided)).then(Divided::default);
         match &shot.surface {
             None => {}
             Some(surface) if shares(surface) => {
-                own += self.direct(&shot, surface) + self.gather(&shot, surface, &mut sample);
+                own += self.direct(&shot, surface, &mut divided)
+                    + self.gather(&shot, surface, &mut sample, &mut divided);
                 effective_samples = 0.0;
             }
             Some(surface) => {
                 let (tracer, sampler) = (&self.view.tracer, &shot.sampler);
-                own += tracer.reflected(surface, Bounces::default(), 1.0, sampler);
+                let reflected = tracer.reflected(surface, Bounces::default(), 1.0, sampler);
+                own += reflected.sum();
+                if let Some(divided) = &mut divided {
+                    reflected.divide(divided, 1.0);
+                }
             }
         }
         if let Some(mut pixel) = pixel {
+            if let Some(mut divided) = divided {
+                shot.divide_below(&mut divided);
+                passes::add_scattered(&mut pixel.extra, self.iteration, &divided);
+            }
             self.view.note(&shot, self.iteration, &mut pixel);
             pixel.sums.add_radiance(own);
             pixel.sums.add_effective_samples(effective_samples);
@@ -85,7 +97,7 @@ impl<'a> Pass<'a> {
     }
 
     /// Light of light samples: always the pixel's own.
-    fn direct(&self, shot: &Shot, surface: &Surface) -> Vec3A {
+    fn direct(&self, shot: &Shot, surface: &Surface, divided: &mut Option<Divided>) -> Vec3A {
         let (tracer, sampler) = (&self.view.tracer, &shot.sampler);
         let direct = tracer.direct(
             surface,
@@ -94,13 +106,22 @@ impl<'a> Pass<'a> {
             sampler,
             Bsdf::mixed,
         );
+        if let Some(divided) = divided {
+            divided.add_direct(&direct);
+        }
         direct.sum()
     }
 
     /// One gather ray for all closures of the surface, as path tracing would follow it. What it
     /// brings to the Lambert part is for lending, except light of lamps and suns: light sampling finds it
     /// better, and borrowed it would smear their shadows. The rest is returned.
-    fn gather(&self, shot: &Shot, surface: &Surface, sample: &mut PixelSample) -> Vec3A {
+    fn gather(
+        &self,
+        shot: &Shot,
+        surface: &Surface,
+        sample: &mut PixelSample,
+        divided: &mut Option<Divided>,
+    ) -> Vec3A {
         let object = self
             .view
             .window
@@ -137,6 +158,25 @@ impl<'a> Pass<'a> {
         let gloss = gloss.map_or(Vec3A::ZERO, |gloss| {
             surface.bsdf.eval_gloss(&gloss, drawn.direction)
         });
+        if let Some(divided) = divided {
+            let (all, scale) = (gathered.by_way(), 1.0 / pdf_solid_angle);
+            let own = match class {
+                Class::Own => all,
+                _ => [gathered.lamps, Vec3A::ZERO],
+            };
+            let borrows = LobeValues {
+                lambert: drawn.value.lambert,
+                glossy: gloss,
+                ..LobeValues::default()
+            };
+            let rest = LobeValues {
+                lambert: Vec3A::ZERO,
+                glossy: (drawn.value.glossy - gloss).max(Vec3A::ZERO),
+                ..drawn.value
+            };
+            divided.add(&borrows, own, scale);
+            divided.add(&rest, all, scale);
+        }
         let borrows = drawn.value.lambert + gloss;
         let rest = (drawn.value.own() - gloss).max(Vec3A::ZERO);
         (own * borrows + gathered.sum() * rest) / pdf_solid_angle

@@ -62,8 +62,10 @@ pub struct LobeValues {
     pub diffuse: Vec3A,
     /// Glossy reflection.
     pub glossy: Vec3A,
-    /// Transmission.
+    /// Refraction.
     pub transmission: Vec3A,
+    /// Diffuse transmission.
+    pub translucent: Vec3A,
 }
 
 impl LobeValues {
@@ -74,13 +76,23 @@ impl LobeValues {
 
     /// All but the Lambert part.
     pub fn own(&self) -> Vec3A {
-        self.diffuse + self.glossy + self.transmission
+        self.diffuse + self.glossy + self.transmission + self.translucent
     }
 
-    fn add_scattered(&mut self, scattered: &Scattered, factor: f32) {
+    /// As passes divide it: diffuse to either side, mirrored, refracted.
+    pub fn by_pass(&self) -> [Vec3A; 3] {
+        [
+            self.lambert + self.diffuse + self.translucent,
+            self.glossy,
+            self.transmission,
+        ]
+    }
+
+    fn add_scattered(&mut self, scattered: &Scattered, is_wide: bool, factor: f32) {
         let sum = match scattered.part {
             Part::Diffuse => &mut self.diffuse,
             Part::Glossy => &mut self.glossy,
+            Part::Transmission if is_wide => &mut self.translucent,
             Part::Transmission => &mut self.transmission,
         };
         *sum += factor * scattered.value;
@@ -93,6 +105,7 @@ impl std::ops::AddAssign for LobeValues {
         self.diffuse += other.diffuse;
         self.glossy += other.glossy;
         self.transmission += other.transmission;
+        self.translucent += other.translucent;
     }
 }
 
@@ -100,11 +113,20 @@ impl std::ops::Mul<f32> for LobeValues {
     type Output = Self;
 
     fn mul(self, factor: f32) -> Self {
+        self * Vec3A::splat(factor)
+    }
+}
+
+impl std::ops::Mul<Vec3A> for LobeValues {
+    type Output = Self;
+
+    fn mul(self, factor: Vec3A) -> Self {
         Self {
             lambert: factor * self.lambert,
             diffuse: factor * self.diffuse,
             glossy: factor * self.glossy,
             transmission: factor * self.transmission,
+            translucent: factor * self.translucent,
         }
     }
 }
@@ -522,12 +544,13 @@ impl Bsdf {
                 continue;
             };
             if is_above != (scattered.part == Part::Transmission) {
-                let shadow = if lobe.is_wide() {
+                let is_wide = lobe.is_wide();
+                let shadow = if is_wide {
                     self.bump_shadow(lobe.view, wi)
                 } else {
                     1.0
                 };
-                values.add_scattered(&scattered, shadow);
+                values.add_scattered(&scattered, is_wide, shadow);
                 pdf += weight * scattered.pdf_solid_angle;
             }
         }
@@ -666,6 +689,21 @@ impl Bsdf {
         } else {
             own
         }
+    }
+
+    /// Share of white light scattered towards the viewer, as passes divide it: see
+    /// [`LobeValues::by_pass`].
+    pub fn colors(&self) -> [Vec3A; 3] {
+        let mut colors = [self.lambert, Vec3A::ZERO, Vec3A::ZERO];
+        for lobe in self.lobes() {
+            if lobe.is_wide() {
+                colors[0] += lobe.albedo();
+            } else {
+                colors[1] += lobe.reflected;
+                colors[2] += lobe.transmitted;
+            }
+        }
+        colors
     }
 
     /// Share of white light scattered towards the viewer.
