@@ -42,6 +42,8 @@ class Work:
     export_seconds: float
     finished: RenderedFrame | None
     scenes: list[ExportedFrame]
+    # Cryptomatte's, of the frame itself.
+    manifests: dict[str, dict[str, str]]
 
 
 class DualConeEngine(bpy.types.RenderEngine):
@@ -82,7 +84,7 @@ class DualConeEngine(bpy.types.RenderEngine):
         work, self._work = self._work, None
         if work is not None:  # Otherwise `update` was stopped, or failed and said why.
             with self._failures_told():
-                self._deliver(work)
+                self._deliver(work, depsgraph.view_layer)
 
     def is_stopped(self) -> bool:
         """Tell whether the user pressed Esc."""
@@ -140,12 +142,13 @@ class DualConeEngine(bpy.types.RenderEngine):
             # Reading an unchanged scene again is cheap, and proves that no edit came between.
             finished = SESSION.take(order.view, order.recipe, order.frame, current.content_hash)
             scenes = [] if finished else reader.look_around(current)
-        return Work(renderer, order, time.perf_counter() - started, finished, scenes)
+        seconds = time.perf_counter() - started
+        return Work(renderer, order, seconds, finished, scenes, current.manifests)
 
-    def _deliver(self, work: Work) -> None:
+    def _deliver(self, work: Work, view_layer: bpy.types.ViewLayer) -> None:
         order = work.order
         shape = order.recipe.region.shape
-        canvas = passes.Canvas(self, order.view.view_layer, shape, order.exposure)
+        canvas = passes.Canvas(self, view_layer, shape, order.exposure)
         is_done = False
         try:
             frame = work.finished or self._trace(work, canvas)
@@ -162,6 +165,7 @@ class DualConeEngine(bpy.types.RenderEngine):
             report = {**frame.report, "seconds": seconds}
             method = dict(order.recipe.settings)["method"]
             canvas.stamp(session.metadata(method, report))
+            canvas.stamp_manifests(work.manifests)
             is_done = True
         finally:
             canvas.close(cancel=not is_done)

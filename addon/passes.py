@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple, cast
 
@@ -9,6 +10,7 @@ import bpy
 import numpy as np
 
 from . import core
+from .export.matte import murmur3
 
 # Passes that Blender already has a switch for; the others get one at `view_layer.dualcone`.
 BLENDER_SWITCH = {
@@ -31,6 +33,12 @@ BLENDER_SWITCH = {
     "Transmission Color": "use_pass_transmission_color",
     "Emission": "use_pass_emit",
     "Environment": "use_pass_environment",
+}
+# The same for passes of which there are several.
+CRYPTOMATTE = {
+    "CryptoObject": "use_pass_cryptomatte_object",
+    "CryptoMaterial": "use_pass_cryptomatte_material",
+    "CryptoAsset": "use_pass_cryptomatte_asset",
 }
 # What Blender called passes before version 5, where that was another name: files and the sockets of
 # its compositor go by these.
@@ -102,7 +110,8 @@ def all_passes() -> Iterator[Pass]:
 
 def own_passes() -> Iterator[Pass]:
     """List the passes that Blender has no switch for."""
-    return (p for p in all_passes() if p.source not in BLENDER_SWITCH and p.source != "Combined")
+    blenders = {"Combined", *BLENDER_SWITCH, *KEYS}
+    return (p for p in all_passes() if p.source not in blenders)
 
 
 def switch(view_layer: bpy.types.ViewLayer, source: str) -> tuple[Any, str]:
@@ -114,7 +123,7 @@ def switch(view_layer: bpy.types.ViewLayer, source: str) -> tuple[Any, str]:
 
 def is_enabled(view_layer: bpy.types.ViewLayer, source: str) -> bool:
     """Tell whether a view layer asks for a pass of the contract."""
-    return source == "Combined" or getattr(*switch(view_layer, source))
+    return source == "Combined" or source in KEYS or getattr(*switch(view_layer, source))
 
 
 def problems(view_layer: bpy.types.ViewLayer, method: str) -> Iterator[str]:
@@ -127,8 +136,27 @@ def problems(view_layer: bpy.types.ViewLayer, method: str) -> Iterator[str]:
 
 
 def enabled_passes(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:
-    """List the passes that a view layer asks for."""
-    return (p for p in all_passes() if is_enabled(view_layer, p.source))
+    """List the passes that a view layer asks for: of some rows of the contract several."""
+    for render_pass in all_passes():
+        if not is_enabled(view_layer, render_pass.source):
+            continue
+        if render_pass.source not in KEYS:
+            yield render_pass
+            continue
+        for key, name in KEYS[render_pass.source](view_layer, render_pass.source):
+            yield render_pass._replace(source=f"{render_pass.source}.{key}", name=name)
+
+
+def _levels(view_layer: Any, source: str) -> Iterator[tuple[str, str]]:
+    """Cryptomatte keeps two names in each pass."""
+    if getattr(view_layer, CRYPTOMATTE[source]):
+        for level in range((min(16, view_layer.pass_cryptomatte_depth) + 1) // 2):
+            yield f"{level:02}", f"{source}{level:02}"
+
+
+# Rows of the contract of which a view layer may ask for several passes: their keys, and how Blender
+# calls them.
+KEYS = dict.fromkeys(CRYPTOMATTE, _levels)
 
 
 def wanted(view_layer: bpy.types.ViewLayer, is_denoised: bool) -> Iterator[str]:
@@ -150,15 +178,15 @@ class Canvas:
     def __init__(
         self,
         engine: bpy.types.RenderEngine,
-        view_layer: str,
+        view_layer: bpy.types.ViewLayer,
         shape: tuple[int, int],
         exposure: float = 1.0,
     ) -> None:
         self._engine = engine
-        self._view_layer = view_layer
+        self._view_layer = view_layer.name
         self._shape = shape
         self._exposure = np.array([exposure, exposure, exposure, 1.0], np.float32)
-        self._passes = {p.name: p for p in all_passes()}
+        self._passes = {p.name: p for p in enabled_passes(view_layer)}
         self._result: bpy.types.RenderResult | None = None
 
     def _opened(self) -> bpy.types.RenderResult:
@@ -197,13 +225,32 @@ class Canvas:
         self._engine.update_result(self._opened())
 
     def stamp(self, fields: Mapping[str, str]) -> None:
-        """Add fields to the file's metadata, under names that tell view layers apart.
+        """Add fields to the file's metadata, under names that tell view layers apart."""
+        self._stamp(
+            {f"dualcone.{self._view_layer}.{name}": value for name, value in fields.items()}
+        )
 
-        They belong to the frame's own result: those of an opened one are lost when it is merged.
-        """
+    def stamp_manifests(self, manifests: Mapping[str, Mapping[str, str]]) -> None:
+        """Add what Cryptomatte wants to know: the names behind its numbers, by pass."""
+        kinds = {p.source.partition(".")[0] for p in self._passes.values()}
+        for kind in sorted(kinds & manifests.keys()):
+            layer = f"{self._view_layer}.{kind}"
+            prefix = f"cryptomatte/{murmur3(layer.encode()):08x}"[:-1]
+            manifest = json.dumps(manifests[kind], separators=(",", ":"), ensure_ascii=False)
+            self._stamp(
+                {
+                    f"{prefix}/name": layer,
+                    f"{prefix}/hash": "MurmurHash3_32",
+                    f"{prefix}/conversion": "uint32_to_float32",
+                    f"{prefix}/manifest": manifest,
+                }
+            )
+
+    def _stamp(self, fields: Mapping[str, str]) -> None:
+        # They belong to the frame's own result: those of an opened one are lost when it is merged.
         result = self._engine.get_result()
         for name, value in fields.items():
-            result.stamp_data_add_field(f"dualcone.{self._view_layer}.{name}", value)
+            result.stamp_data_add_field(name, value)
 
     def close(self, *, cancel: bool) -> None:
         """Give the result back to Blender; a cancelled one stays on screen but is no frame."""

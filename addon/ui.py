@@ -351,6 +351,23 @@ class DUALCONE_PT_passes_light(PassesPanel, bpy.types.Panel):
         self.draw_switches(layout, context.view_layer, "Other", passes.OTHER_LIGHT)
 
 
+class DUALCONE_PT_passes_cryptomatte(PassesPanel, bpy.types.Panel):
+    """Masks of things by their names."""
+
+    bl_label = "Cryptomatte"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw Blender's own switches."""
+        layout = labelled_rows(self)
+        view_layer: Any = context.view_layer
+        column = layout.column(heading="Include", align=True)
+        for source, switch in passes.CRYPTOMATTE.items():
+            column.prop(view_layer, switch, text=source.removeprefix("Crypto"))
+        levels = layout.column()
+        levels.active = any(getattr(view_layer, name) for name in passes.CRYPTOMATTE.values())
+        levels.prop(view_layer, "pass_cryptomatte_depth", text="Levels")
+
+
 CLASSES = (
     DUALCONE_OT_preset_add,
     DUALCONE_PT_sampling_presets,
@@ -366,6 +383,7 @@ CLASSES = (
     DUALCONE_PT_passes,
     DUALCONE_PT_passes_data,
     DUALCONE_PT_passes_light,
+    DUALCONE_PT_passes_cryptomatte,
 )
 
 

@@ -423,6 +423,20 @@ pub const FRAME: &[ArraySpec] = &[
         "Projections at the same times.",
     ),
     array(
+        "instance_mattes",
+        F32,
+        &["G", "2"],
+        "name",
+        "For Cryptomatte: numbers that name the object and the asset of each instance; none without these passes.",
+    ),
+    array(
+        "material_mattes",
+        F32,
+        &["H"],
+        "name",
+        "The same for each material.",
+    ),
+    array(
         "flow_camera",
         F32,
         &["E", "3", "4"],
@@ -564,6 +578,9 @@ pub enum Keep {
     MeanSeen,
     /// The sum over the samples, to divide by that of another pass, which is then kept too.
     Over(&'static str),
+    /// Numbers that name things, and the sums of their weights over the samples: two things for each
+    /// of several passes, the heaviest first.
+    Ranked,
 }
 
 /// One render pass.
@@ -596,16 +613,23 @@ impl PassSpec {
         }
     }
 
-    /// The pass of this name.
+    /// The row of a pass, and its key: what stands behind the first dot of its name, where several
+    /// passes share a row.
     ///
     /// # Errors
     /// A name that the table does not have.
-    pub fn named(name: &str) -> Result<&'static Self> {
-        let unknown = || Error::Unknown { name: name.into() };
-        PASSES
+    pub fn named(name: &str) -> Result<(&'static Self, &str)> {
+        let (row, key) = name.split_once('.').unwrap_or((name, ""));
+        let found = PASSES
             .iter()
-            .find(|spec| spec.name == name)
-            .ok_or_else(unknown)
+            .find(|spec| spec.name == row && spec.is_keyed() != key.is_empty());
+        let found = found.ok_or_else(|| Error::Unknown { name: name.into() });
+        Ok((found?, key))
+    }
+
+    /// Whether there may be several passes of this row, told apart by a key behind its name.
+    pub fn is_keyed(&self) -> bool {
+        self.keep == Keep::Ranked
     }
 }
 
@@ -625,7 +649,7 @@ const fn pass(
     }
 }
 
-use Keep::{Always, First, Mean, MeanSeen, Over};
+use Keep::{Always, First, Mean, MeanSeen, Over, Ranked};
 
 /// Every pass that can be rendered, called as Blender 5 calls it.
 #[rustfmt::skip] // One line each.
@@ -650,6 +674,9 @@ pub const PASSES: &[PassSpec] = &[
     pass("Transmission Color", "RGB", "COLOR", Mean, "Share of light that is refracted."),
     pass("Emission", "RGB", "COLOR", Mean, "Light of glowing surfaces and lamps that the camera sees."),
     pass("Environment", "RGB", "COLOR", Mean, "Light of the world that the camera sees."),
+    pass("CryptoObject", "rgba", "COLOR", Ranked, "Cryptomatte: names of two objects and the shares of the pixel that they cover; `CryptoObject.00` has the two that cover most."),
+    pass("CryptoMaterial", "rgba", "COLOR", Ranked, "The same of materials."),
+    pass("CryptoAsset", "rgba", "COLOR", Ranked, "The same of assets: objects with all their children."),
     pass("Albedo", "RGB", "COLOR", Always, "Mean share of light that the surface reflects."),
     pass("Noisy Image", "RGBA", "COLOR", Always, "Combined before denoising."),
     pass("Sample Count", "X", "VALUE", Always, "Camera rays of the pixel."),

@@ -343,17 +343,7 @@ impl Film {
             "Albedo" => each(|p, mean| Vec3A::from(p.albedo) * mean),
             "Sample Count" => vec![self.samples as f32; self.pixels.len()],
             "Effective Samples" => self.pixels.iter().map(|p| p.effective_samples).collect(),
-            _ => PassSpec::named(pass).map_or_else(
-                |_| Vec::new(),
-                |spec| {
-                    extra::resolve(
-                        &self.layout,
-                        &self.numbers,
-                        Row::of(spec.name),
-                        self.samples,
-                    )
-                },
-            ),
+            _ => extra::resolve(&self.layout, &self.numbers, pass, self.samples),
         }
     }
 
@@ -376,7 +366,7 @@ impl Film {
 
 /// Channels of a pass of the contract.
 pub fn channels(pass: &str) -> usize {
-    PassSpec::named(pass).map_or(0, |spec| spec.channels.len())
+    PassSpec::named(pass).map_or(0, |(spec, _)| spec.channels.len())
 }
 
 /// The pixel filter that the settings ask for.

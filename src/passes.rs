@@ -22,6 +22,8 @@ pub struct Seen<'a> {
     pub surface: Option<&'a Surface>,
     /// Where the ray goes; nowhere outside of a fisheye's picture.
     pub direction: Option<Vec3A>,
+    /// Share of its light that what lies in front lets pass, over the probability of seeing it.
+    pub share: f32,
 }
 
 /// What a pass shows of it; nothing where there is nothing to add.
@@ -45,6 +47,30 @@ pub fn add_data(extra: &mut Extra, iteration: u32, seen: &Seen) {
         {
             extra.add(*row, iteration, &values);
         }
+    }
+}
+
+const OBJECT: Row = Row::of("CryptoObject");
+const MATERIAL: Row = Row::of("CryptoMaterial");
+const ASSET: Row = Row::of("CryptoAsset");
+
+/// Adds the names of what a camera ray saw, weighted by how much of it is seen.
+pub fn add_mattes(extra: &mut Extra, seen: &Seen) {
+    let Some(surface) = seen.surface else {
+        return;
+    };
+    let weight = seen.share * (1.0 - surface.holdout);
+    let (hit, mattes) = (&surface.hit, &seen.frame.passes.mattes);
+    if !(weight > 0.0) {
+        return;
+    }
+    if let Some(&[object, asset]) = mattes.instances.get(hit.instance as usize) {
+        extra.add_ranked(OBJECT, object, weight);
+        extra.add_ranked(ASSET, asset, weight);
+    }
+    let material = seen.frame.material_number_of(hit.instance, hit.triangle);
+    if let Some(&name) = material.and_then(|number| mattes.materials.get(number as usize)) {
+        extra.add_ranked(MATERIAL, name, weight);
     }
 }
 

@@ -20,7 +20,7 @@ Rendered from the tables in `src/contract.rs` by `tests/contract.rs`; change the
 Letters in a shape are lengths that the caller chooses: V vertices, T triangles, I instances,
 S material slots, C closures, M materials, L lights, H x W pixels, J moving instances, R placements of
 them, Y times while the shutter is open, U parts of its time, E frames around, F instances that
-differ there, with W vertices. Everything that does not say so is given for the middle of that time,
+differ there, with W vertices, G and H as I and M where Cryptomatte asks. Everything that does not say so is given for the middle of that time,
 the frame's own. The world's Z is up, matrices
 multiply column vectors from the left, and colours are scene linear. Arrays are C-contiguous.
 ";

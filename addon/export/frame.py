@@ -18,6 +18,7 @@ from .image import ImageTable
 from .instance import InstanceTable
 from .light import LightTable
 from .material import MaterialTable
+from .matte import Mattes
 from .motion import MotionTable, still_arrays
 from .report import Warnings
 from .shader.layers import ACTIVE_UV
@@ -35,6 +36,8 @@ class ExportedFrame:
     images: list[Any]
     arrays: dict[str, np.ndarray]
     warnings: list[str]
+    # Cryptomatte's names and hashes by pass of the contract.
+    manifests: dict[str, dict[str, str]]
     # Of everything above but the frame number and the warnings.
     content_hash: bytes
     seconds: float
@@ -66,7 +69,8 @@ def export_frame(
         set_time(move, time)
     arrays = export_camera(depsgraph, resolution, warnings)
     images = ImageTable(cache, core, warnings, frame)
-    materials = MaterialTable(depsgraph, cache, core, images, warnings)
+    mattes = Mattes() if any(name.startswith("Crypto") for name in passes) else None
+    materials = MaterialTable(depsgraph, cache, core, images, warnings, mattes)
     lights = LightTable(warnings, materials)
     has_flow = move is not None and "Vector" in passes
     instances = InstanceTable(
@@ -79,6 +83,7 @@ def export_frame(
         should_stop,
         is_blurred=shutter is not None,
         is_visited_again=shutter is not None or has_flow,
+        mattes=mattes,
         layers=frozenset({ACTIVE_UV} if "UV" in passes else ()),
     )
     cache.begin_frame(depsgraph)
@@ -106,6 +111,7 @@ def export_frame(
         [image.handle for image in images.used],
         arrays,
         warnings.messages(),
+        mattes.manifests if mattes else {},
         content_hash(parts, arrays),
         seconds,
     )

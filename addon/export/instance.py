@@ -17,6 +17,7 @@ from .cache import CachedMesh, ExportCache
 from .light import LightTable
 from .linking import LinkSets, name_of
 from .material import MaterialTable
+from .matte import Mattes
 from .mesh import NotFinite, load_mesh, load_surface, mesh_positions
 from .points import placements, read_points, unit_ball
 from .report import ExportStopped, Warnings
@@ -98,6 +99,8 @@ class InstanceTable:
     is_blurred: bool = False
     # Whether `visit_again` will be called.
     is_visited_again: bool = False
+    # Where Cryptomatte's names are noted, if they are asked for.
+    mattes: Mattes | None = None
     # Layers of all meshes, beside those that materials read.
     layers: frozenset[str] = frozenset()
     meshes: list[CachedMesh] = field(default_factory=list)
@@ -113,6 +116,7 @@ class InstanceTable:
     _matrices: array = field(default_factory=lambda: array("f"))
     _colors: array = field(default_factory=lambda: array("f"))
     _infos: array = field(default_factory=lambda: array("f"))
+    _matte_numbers: array = field(default_factory=lambda: array("f"))
     _seen: list[Seen] = field(default_factory=list)
     _seen_by: dict[tuple[int, int], Seen] = field(default_factory=dict)
     # What was placed for the items of each key, in their order, if they are visited again.
@@ -189,7 +193,9 @@ class InstanceTable:
         keys = np.fromiter(self._keys, np.uint64, len(self._placed))
         meshes = np.array([shape.mesh for shape in self._placed], np.uint32)
         slots = np.array([shape.slots for shape in self._placed], np.uint32).reshape(-1, 2)
+        mattes = np.frombuffer(self._matte_numbers, np.float32).reshape(-1, 2)
         return {
+            "instance_mattes": mattes[keep] if self.mattes else mattes,
             "instance_mesh": meshes[keep],
             "instance_key": keys[keep],
             "world_from_object": matrices[keep],
@@ -225,6 +231,8 @@ class InstanceTable:
         self._keys.update(dict.fromkeys(self._free_keys(key, count)))
         self._seen += [self._seen_of(owner, item.parent if item.is_instance else owner)] * count
         self._colors.extend(owner.color[:] * count)
+        if self.mattes:
+            self._matte_numbers.extend(self.mattes.of_object(owner) * count)
         self._infos.extend((owner.pass_index, item.random_id / RANDOM_IDS) * count)
         if shape.balls is None:
             matrix = item.matrix_world

@@ -12,6 +12,7 @@ import numpy as np
 
 from .cache import ExportCache
 from .image import ImageTable
+from .matte import MATERIAL, NO_MATERIAL, Mattes
 from .nodes import RecursiveGroup, Source, active_output, find_input, surface
 from .report import Warnings
 from .shader import Compiler, Operations, Program, Programs, compile_surface
@@ -28,10 +29,13 @@ class MaterialTable:
     core: Any
     images: ImageTable
     warnings: Warnings
+    # Where Cryptomatte's names are noted, if they are asked for.
+    mattes: Mattes | None = None
     programs: Programs = field(default_factory=Programs)
     # What each material reads from meshes, by the names in `shader/layers.py`.
     layers: list[frozenset[str]] = field(default_factory=list)
     _pass_indices: list[int] = field(default_factory=list)
+    _matte_numbers: list[float] = field(default_factory=list)
     _rows: dict[int, int] = field(default_factory=dict)
 
     @cached_property
@@ -59,6 +63,9 @@ class MaterialTable:
             self._rows[uid] = len(self.layers)
             self.layers.append(frozenset(program.layers))
             self._pass_indices.append(compiler.material_index)
+            if self.mattes:
+                name = compiler.name or NO_MATERIAL
+                self._matte_numbers.append(self.mattes.number(MATERIAL, name))
         return self._rows[uid]
 
     def _program(self, uid: int, compiler: Compiler, compile_owner: Callable[[], None]) -> Program:
@@ -75,7 +82,9 @@ class MaterialTable:
     def arrays(self) -> dict[str, np.ndarray]:
         """The `material_*` and `program_*` arrays of the contract."""
         indices = np.array(self._pass_indices, np.float32)
-        return {**self.programs.arrays(), "material_index": indices}
+        mattes = np.array(self._matte_numbers, np.float32)
+        programs = self.programs.arrays()
+        return {**programs, "material_index": indices, "material_mattes": mattes}
 
 
 def uses_nodes(owner: bpy.types.Material | bpy.types.World) -> bool:

@@ -23,13 +23,13 @@ impl Row {
         &PASSES[self.0]
     }
 
-    /// Numbers that a pixel keeps.
+    /// Numbers that a pixel keeps for each of its names.
     fn width(self) -> usize {
         let channels = self.spec().channels.len();
         match self.spec().keep {
             Keep::Always => 0,
             Keep::MeanSeen => channels + 1,
-            Keep::First | Keep::Mean | Keep::Over(_) => channels,
+            Keep::First | Keep::Mean | Keep::Over(_) | Keep::Ranked => channels,
         }
     }
 }
@@ -50,12 +50,21 @@ const fn is_same(a: &str, b: &str) -> bool {
 }
 
 /// Where the pixels of a film keep the numbers of passes.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Layout {
-    /// First number of each row of the table, if it is kept.
-    starts: [Option<usize>; PASSES.len()],
+    /// One for each row of the table.
+    places: Vec<Place>,
     /// Numbers of a pixel.
     stride: usize,
+}
+
+/// Where pixels keep the numbers of a row of the table.
+#[derive(Debug, Clone, Default)]
+struct Place {
+    start: usize,
+    /// What stands behind the row's name in those of the passes, in the order of their numbers; one
+    /// that is empty for most rows, none where the row is not kept.
+    keys: Vec<String>,
 }
 
 impl Layout {
@@ -64,32 +73,43 @@ impl Layout {
     /// # Errors
     /// A name that the contract does not have.
     pub fn new<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<Self> {
-        let mut layout = Self::default();
+        let mut places = vec![Place::default(); PASSES.len()];
+        let mut keep = |row: Row, key: &str| {
+            let keys = &mut places[row.0].keys;
+            if row.width() > 0 && !keys.iter().any(|known| known == key) {
+                keys.push(key.to_owned());
+            }
+        };
         for name in names {
-            let spec = PassSpec::named(name)?;
-            layout.keep(Row::of(spec.name));
+            let (spec, key) = PassSpec::named(name)?;
+            keep(Row::of(spec.name), key);
             if let Keep::Over(divisor) = spec.keep {
-                layout.keep(Row::of(divisor));
+                keep(Row::of(divisor), "");
             }
         }
-        Ok(layout)
-    }
-
-    fn keep(&mut self, row: Row) {
-        if self.starts[row.0].is_none() && row.width() > 0 {
-            self.starts[row.0] = Some(self.stride);
-            self.stride += row.width();
+        let mut stride = 0;
+        for (row, place) in places.iter_mut().enumerate() {
+            place.start = stride;
+            stride += Row(row).width() * place.keys.len();
         }
+        Ok(Self { places, stride })
     }
 
-    fn place(&self, row: Row) -> Option<Range<usize>> {
-        let start = self.starts[row.0]?;
-        Some(start..start + row.width())
+    /// The numbers of a row, if it is kept: those of all its names.
+    fn range(&self, row: Row) -> Option<Range<usize>> {
+        let place = &self.places[row.0];
+        let count = row.width() * place.keys.len();
+        (count > 0).then(|| place.start..place.start + count)
     }
 
-    /// Whether a pass is kept.
+    /// Whether a row is kept.
     pub fn keeps(&self, row: Row) -> bool {
-        self.starts[row.0].is_some()
+        !self.places[row.0].keys.is_empty()
+    }
+
+    /// What stands behind the row's name in those of the passes that are kept.
+    pub fn keys(&self, row: Row) -> &[String] {
+        &self.places[row.0].keys
     }
 
     /// Numbers that each pixel keeps.
@@ -114,7 +134,12 @@ impl Extra<'_> {
 
     /// Adds what an iteration brought to a pass, if it is kept.
     pub fn add(&mut self, row: Row, iteration: u32, values: &[f32]) {
-        let Some(place) = self.layout.place(row) else {
+        self.add_to(row, 0, iteration, values);
+    }
+
+    /// The same for the pass of the key of this number.
+    pub fn add_to(&mut self, row: Row, key: usize, iteration: u32, values: &[f32]) {
+        let Some(range) = self.layout.range(row) else {
             return;
         };
         let keep = row.spec().keep;
@@ -122,7 +147,7 @@ impl Extra<'_> {
         if (keep == Keep::First && iteration > 0) || values.iter().any(|v| !v.is_finite()) {
             return;
         }
-        let numbers = &mut self.numbers[place];
+        let numbers = &mut self.numbers[range][key * row.width()..];
         let channels = row.spec().channels.len();
         for (number, value) in numbers.iter_mut().zip(&values[..channels]) {
             *number += value;
@@ -131,24 +156,47 @@ impl Extra<'_> {
             numbers[channels] += 1.0;
         }
     }
+
+    /// Adds the weight of a thing to a row that ranks things, if it is kept. As in Cycles, things that
+    /// find no place any more count to the last one.
+    pub fn add_ranked(&mut self, row: Row, name: f32, weight: f32) {
+        let Some(range) = self.layout.range(row) else {
+            return;
+        };
+        let pairs = self.numbers[range].as_chunks_mut::<2>().0;
+        let known = pairs
+            .iter()
+            .position(|pair| pair[0] == name || pair[0] == 0.0);
+        let place = known.unwrap_or(pairs.len() - 1);
+        if pairs[place][0] == 0.0 {
+            pairs[place][0] = name;
+        }
+        pairs[place][1] += weight;
+    }
 }
 
 /// The finished numbers of a pass, from those that the pixels keep over `samples` iterations.
-pub fn resolve(layout: &Layout, numbers: &[f32], row: Row, samples: u32) -> Vec<f32> {
-    let Some(place) = layout.place(row) else {
+pub fn resolve(layout: &Layout, numbers: &[f32], name: &str, samples: u32) -> Vec<f32> {
+    let Ok((spec, key)) = PassSpec::named(name) else {
         return Vec::new();
     };
-    let channels = row.spec().channels.len();
+    let row = Row::of(spec.name);
+    let key = layout.keys(row).iter().position(|known| known == key);
+    let (Some(range), Some(key)) = (layout.range(row), key) else {
+        return Vec::new();
+    };
+    let channels = spec.channels.len();
     let mean = 1.0 / samples.max(1) as f32;
-    let divisor = match row.spec().keep {
-        Keep::Over(name) => layout.place(Row::of(name)),
+    let divisor = match spec.keep {
+        Keep::Over(name) => layout.range(Row::of(name)),
         _ => None,
     };
     let pixel = |pixel: &[f32]| {
-        let sums = &pixel[place.clone()];
+        let all = &pixel[range.clone()];
+        let sums = &all[key * row.width()..];
         let mut values = [0.0; 4];
         values[..channels].copy_from_slice(&sums[..channels]);
-        match row.spec().keep {
+        match spec.keep {
             Keep::Always | Keep::First => values,
             Keep::Mean => values.map(|v| v * mean),
             Keep::MeanSeen => values.map(|v| v / sums[channels].max(1.0)),
@@ -156,12 +204,22 @@ pub fn resolve(layout: &Layout, numbers: &[f32], row: Row, samples: u32) -> Vec<
                 Some(divisor) => even_quotient(values, &pixel[divisor.clone()]),
                 None => values,
             },
+            Keep::Ranked => ranked(all, key, mean),
         }
     };
     numbers
         .chunks_exact(layout.stride)
         .flat_map(|numbers| pixel(numbers).into_iter().take(channels))
         .collect()
+}
+
+/// The names and weights of two things by their rank: those of rank 2 `level` and the next.
+fn ranked(pairs: &[f32], level: usize, mean: f32) -> [f32; 4] {
+    let mut pairs = pairs.as_chunks::<2>().0.to_vec();
+    // Stable: the first of equals stays the first.
+    pairs.sort_by(|a, b| b[1].total_cmp(&a[1]));
+    let ([first, first_weight], [second, second_weight]) = (pairs[2 * level], pairs[2 * level + 1]);
+    [first, first_weight * mean, second, second_weight * mean]
 }
 
 /// A colour over another one. As in Cycles, a channel that the divisor does not have is the mean of
@@ -206,11 +264,11 @@ mod tests {
             (VECTOR, 1, &[1.0, 2.0, 3.0, 4.0]),
         ];
         let (layout, numbers) = film_of(&["Position", "Mist", "Vector"], samples);
-        let resolved = |row| resolve(&layout, &numbers, row, 2);
-        assert_eq!(resolved(POSITION), [1.0, 2.0, 3.0]);
-        assert_eq!(resolved(MIST), [0.75]);
+        let resolved = |name| resolve(&layout, &numbers, name, 2);
+        assert_eq!(resolved("Position"), [1.0, 2.0, 3.0]);
+        assert_eq!(resolved("Mist"), [0.75]);
         // One of the two samples showed a surface.
-        assert_eq!(resolved(VECTOR), [1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(resolved("Vector"), [1.0, 2.0, 3.0, 4.0]);
     }
 
     #[test]
@@ -218,8 +276,27 @@ mod tests {
         let names = ["Combined", "Depth", "Normal"];
         let (layout, _) = film_of(&names, &[(MIST, 0, &[1.0])]);
         assert_eq!(layout.stride(), 0);
-        assert!(resolve(&layout, &[], MIST, 1).is_empty());
+        assert!(resolve(&layout, &[], "Mist", 1).is_empty());
         assert!(Layout::new(["Moonlight"]).is_err());
+    }
+
+    #[test]
+    fn things_are_ranked_by_weight_and_the_last_place_takes_what_finds_none() {
+        const OBJECT: Row = Row::of("CryptoObject");
+        let layout = Layout::new(["CryptoObject.00", "CryptoObject.01", "Mist"]).unwrap();
+        let mut numbers = vec![0.0; layout.stride()];
+        let mut extra = Extra {
+            layout: &layout,
+            numbers: &mut numbers,
+        };
+        for (name, weight) in [(7.0, 1.0), (5.0, 3.0), (3.0, 0.5), (7.0, 1.0), (2.0, 0.25)] {
+            extra.add_ranked(OBJECT, name, weight);
+        }
+        extra.add_ranked(OBJECT, 9.0, 0.5);
+        let resolved = |name| resolve(&layout, &numbers, name, 2);
+        assert_eq!(resolved("CryptoObject.00"), [5.0, 1.5, 7.0, 1.0]);
+        assert_eq!(resolved("CryptoObject.01"), [2.0, 0.375, 3.0, 0.25]);
+        assert_eq!(resolved("Mist"), [0.0]);
     }
 
     #[test]

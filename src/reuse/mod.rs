@@ -56,6 +56,9 @@ pub struct Shot {
     pub sampler: Sampler,
     /// Where the ray goes; nowhere outside of a fisheye's picture.
     pub direction: Option<Vec3A>,
+    /// Share of the light from its end that what it passed lets through, over the probability of
+    /// passing.
+    pub share: f32,
     /// The surface, if the ray met one.
     pub surface: Option<Surface>,
     /// What goes into the passes.
@@ -87,6 +90,7 @@ impl Shot {
         Self {
             sampler,
             direction: None,
+            share: 1.0,
             surface: None,
             seen: Sighting::BACKGROUND,
             emission: Vec3A::ZERO,
@@ -200,6 +204,7 @@ impl View<'_> {
             below: surface.as_ref().and_then(below),
             sampler,
             direction: Some(ray.direction),
+            share: passed.share(distance).element_sum() / 3.0,
             surface,
             seen,
             emission: glow + lamps,
@@ -217,9 +222,11 @@ impl View<'_> {
                 region: self.region,
                 surface: shot.surface.as_ref(),
                 direction: shot.direction,
+                share: shot.share,
             };
             let extra = &mut pixel.extra;
             passes::add_data(extra, iteration, &seen);
+            passes::add_mattes(extra, &seen);
             passes::add_seen_light(extra, iteration, shot.emission, shot.environment);
             if let Some(surface) = &shot.surface {
                 passes::add_colors(extra, iteration, surface);

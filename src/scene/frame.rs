@@ -7,7 +7,7 @@ use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
 use super::motion::{Bounds, bounds_of_placed};
 use super::{
-    Camera, CameraMotion, Flow, ForPasses, Image, Lens, Light, LightKind, Links, Material,
+    Camera, CameraMotion, Flow, ForPasses, Image, Lens, Light, LightKind, Links, Material, Mattes,
     Membership, Mesh, Mist, Moved, Panorama, Placement, Projection, Reach, Trajectory, Visibility,
     World,
 };
@@ -104,6 +104,10 @@ impl SceneFrame {
             passes: ForPasses {
                 mist: mist(&arrays),
                 flow: flow(&arrays, &camera, &instances, &meshes)?,
+                mattes: Mattes {
+                    instances: arrays.f32s("instance_mattes").as_chunks().0.to_vec(),
+                    materials: arrays.f32s("material_mattes").to_vec(),
+                },
             },
             instances,
             lights: lights(&arrays, materials.len())?,
@@ -152,13 +156,18 @@ impl SceneFrame {
         Some(ray?.at_time(time))
     }
 
-    /// The material of a triangle; a slot that the instance does not have counts as its last, as in
-    /// Blender. `None` where the instance has no slot at all.
+    /// The material of a triangle.
     pub fn material_of(&self, instance: u32, triangle: u32) -> Option<&Material> {
+        let number = self.material_number_of(instance, triangle)?;
+        Some(&self.materials[number as usize])
+    }
+
+    /// The number of the material of a triangle; a slot that the instance does not have counts as its
+    /// last, as in Blender. `None` where the instance has no slot at all.
+    pub fn material_number_of(&self, instance: u32, triangle: u32) -> Option<u32> {
         let slots = &self.instances[instance as usize].materials;
         let slot = self.mesh_of(instance).material_slots[triangle as usize] as usize;
-        let material = slots.get(slot.min(slots.len().checked_sub(1)?))?;
-        Some(&self.materials[*material as usize])
+        slots.get(slot.min(slots.len().checked_sub(1)?)).copied()
     }
 
     /// Texture coordinate at a point of a triangle.

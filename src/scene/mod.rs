@@ -21,7 +21,7 @@ pub use light::{Light, LightKind};
 pub use material::Material;
 pub use mesh::Mesh;
 pub use motion::{Placement, Trajectory};
-pub use passes::{Flow, ForPasses, Mist, Moved};
+pub use passes::{Flow, ForPasses, Mattes, Mist, Moved};
 pub use visibility::{Links, Membership, Reach, Visibility};
 pub use window::{FrameWindow, Motion};
 pub use world::World;

@@ -11,6 +11,17 @@ pub struct ForPasses {
     pub mist: Mist,
     /// Where things are in the frames around, if a pass asks for it.
     pub flow: Option<Flow>,
+    /// Cryptomatte's names of things, if a pass asks for them.
+    pub mattes: Mattes,
+}
+
+/// Numbers that name things.
+#[derive(Debug, Clone, Default)]
+pub struct Mattes {
+    /// Of the object and of the asset of each instance.
+    pub instances: Vec<[f32; 2]>,
+    /// Of each material.
+    pub materials: Vec<f32>,
 }
 
 /// The world's mist.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -289,6 +290,83 @@ def test_a_pass_that_the_method_cannot_make_is_named(scene: Any) -> None:
     assert list(passes.problems(layer, "PATH")) == []
     (problem,) = passes.problems(layer, "PAPER")
     assert problem.startswith(f"{blender_name('Glossy Direct')}: only")
+
+
+CRYPTOMATTE = ("CryptoObject", "CryptoMaterial", "CryptoAsset")
+
+
+@pytest.fixture
+def masked(stage: Any) -> Any:
+    """Let all be named: children, an instance, a thing without material, names of all lengths."""
+    for kind in ("object", "material", "asset"):
+        setattr(stage.view_layers[0], f"use_pass_cryptomatte_{kind}", True)
+    cube, tube = bpy.data.objects["Cube"], bpy.data.objects["Cylinder"]
+    tube.parent = cube
+    tube.name = "Röhre"
+    mesh = bpy.data.meshes.new("Ball")
+    mesh.from_pydata([(0, 0, 0), (2, 0, 0), (0, 0, 2)], [], [(0, 1, 2)])
+    collection = bpy.data.collections.new("Held")
+    collection.objects.link(bpy.data.objects.new("Ball 7", mesh))
+    holder = bpy.data.objects.new("Holder", None)
+    holder.instance_type, holder.instance_collection = "COLLECTION", collection
+    holder.location = (-1.0, -4.0, 0.5)
+    stage.collection.objects.link(holder)
+    return stage
+
+
+def coverage(exr: Exr, kind: str) -> dict[float, NDArray[Any]]:
+    """Return the share of each pixel that each name covers."""
+    levels = sorted(name for name in exr.layers() if name.startswith(kind))
+    assert levels == [f"{kind}{level:02}" for level in range(3)]
+    found: dict[float, NDArray[Any]] = {}
+    for level in levels:
+        pixels = np.stack([exr.channels[f"ViewLayer.{level}.{c}"] for c in "rgba"], axis=-1)
+        for names, weights in ((pixels[..., 0], pixels[..., 1]), (pixels[..., 2], pixels[..., 3])):
+            for name in np.unique(names):
+                share = np.where(names == name, weights, 0.0)
+                found[float(name)] = found.get(float(name), 0.0) + share
+    assert not np.any(found.pop(0.0, 0.0))
+    return found
+
+
+@pytest.mark.parametrize("method", ["PATH", "DUAL_CONE"])
+def test_cryptomatte_names_what_cycles_names(masked: Any, method: str) -> None:
+    masked.dualcone.method = method
+    ours, theirs = render(masked, "DUALCONE", 64), render(masked, "CYCLES", 64)
+    for kind in CRYPTOMATTE:
+        mine, other = coverage(ours, kind), coverage(theirs, kind)
+        assert mine.keys() == other.keys()
+        assert len(mine) >= 3
+        for name, share in other.items():
+            np.testing.assert_allclose(mine[name].mean(), share.mean(), atol=0.004)
+            assert np.abs(mine[name] - share).max() < 0.3  # edges, by chance
+        total = np.sum(list(mine.values()), axis=0)
+        assert total.max() <= 1.0 + 1e-5
+        assert (total[: SIZE // 2] > 0.999).all()  # below the horizon
+
+
+def test_cryptomatte_says_which_names_there_are(masked: Any) -> None:
+    ours, theirs = render(masked, "DUALCONE", 1), render(masked, "CYCLES", 1)
+    fields = {key: value for key, value in theirs.metadata.items() if key.startswith("cryptomatte")}
+    assert len(fields) == 12
+    for key, value in fields.items():
+        if not key.endswith("manifest"):
+            assert ours.metadata[key] == value
+            continue
+        names, known = json.loads(ours.metadata[key]), json.loads(value)
+        # Cycles names what has no surface, too, and materials that nothing has.
+        assert len(names) >= 3
+        assert names.items() <= known.items()
+
+
+def test_cryptomatte_ranks_by_weight(masked: Any) -> None:
+    exr = render(masked, "DUALCONE", 64)
+    weights = [exr.channels[f"ViewLayer.CryptoObject0{k}.{c}"] for k in range(3) for c in "ga"]
+    assert (np.diff(np.stack(weights), axis=0) <= 0.0).all()
+    masked.render.film_transparent = True
+    exr = render(masked, "DUALCONE", 64)
+    total = np.sum(list(coverage(exr, "CryptoObject").values()), axis=0)
+    np.testing.assert_allclose(total, exr.layer("Combined")[..., 3], atol=1e-5)
 
 
 def errors(pair: tuple[Exr, Exr], name: str) -> NDArray[Any]:
