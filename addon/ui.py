@@ -88,6 +88,7 @@ class DUALCONE_OT_preset_add(AddPresetBase, bpy.types.Operator):
             "diffuse_bounces",
             "glossy_bounces",
             "transmission_bounces",
+            "volume_bounces",
             "transparent_max_bounces",
         )
         return [f"settings.{name}" for name in names]
@@ -180,6 +181,7 @@ class DUALCONE_PT_light_paths(RenderPanel, bpy.types.Panel):
         column.prop(settings, "diffuse_bounces")
         column.prop(settings, "glossy_bounces")
         column.prop(settings, "transmission_bounces")
+        column.prop(settings, "volume_bounces")
         column.prop(settings, "transparent_max_bounces")
         column = layout.column(heading="Caustics", align=True)
         column.prop(settings, "caustics_reflective", text="Reflective")

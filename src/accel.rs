@@ -97,6 +97,20 @@ impl Accel {
         best
     }
 
+    /// Where a ray crosses the surface of one instance, however far away, in rising order.
+    pub fn crossings(&self, frame: &SceneFrame, ray: &Ray, instance: u32) -> Vec<f32> {
+        let (bvh, ray) = on_instance(frame, instance, ray, f32::INFINITY);
+        let mut crossings = Vec::new();
+        bvh.occluded_where(&ray, |hit| {
+            crossings.push(hit.t);
+            false
+        });
+        crossings.sort_unstable_by(f32::total_cmp);
+        // An edge may be met by both of its triangles.
+        crossings.dedup_by(|a, b| (*a - *b).abs() <= 1e-6 * b.abs());
+        crossings
+    }
+
     /// The first hit in `[t_min, t_max]` of one instance.
     pub fn closest_hit_of(&self, frame: &SceneFrame, ray: &Ray, instance: u32) -> Option<Hit> {
         let (bvh, ray) = on_instance(frame, instance, ray, ray.t_max);
@@ -244,6 +258,7 @@ mod tests {
             lights: vec![],
             camera: crate::testing::camera(Vec3::ZERO, Vec3::Y, 1.0),
             shutter: Shutter::default(),
+            medium: None,
             passes: ForPasses::default(),
             world: World {
                 radiance: Vec3A::ZERO,
@@ -324,6 +339,7 @@ mod tests {
             lights: vec![],
             camera: frame.camera,
             shutter: Shutter::default(),
+            medium: None,
             passes: ForPasses::default(),
             world: frame.world.clone(),
         }

@@ -507,6 +507,13 @@ pub const FRAME: &[ArraySpec] = &[
         "What camera rays see in place of `world_image`, where that differs.",
     ),
     array(
+        "world_material",
+        I32,
+        &[],
+        "material or -1",
+        "Material whose volume fills the world.",
+    ),
+    array(
         "world_visibility",
         U32,
         &[],
@@ -789,6 +796,8 @@ settings! {
     glossy_bounces: u32 = Kind::Int(4, 0, 1024), "Glossy";
     /// Bounces through surfaces: refraction and translucency.
     transmission_bounces: u32 = Kind::Int(12, 0, 1024), "Transmission";
+    /// Bounces in volumes.
+    volume_bounces: u32 = Kind::Int(0, 0, 1024), "Volume";
     /// Transparent surfaces that a ray passes before it ends.
     transparent_max_bounces: u32 = Kind::Int(8, 0, 1024), "Transparent";
     /// Light that a diffuse surface gets by glossy reflection: bright and noisy.

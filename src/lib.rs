@@ -27,6 +27,7 @@ pub mod accel;
 pub mod sampling;
 pub mod record;
 pub mod progress;
+pub mod media;
 pub mod subsurface;
 pub mod surface;
 pub mod path;

@@ -12,6 +12,7 @@ use glam::Vec3A;
 use crate::accel::{Accel, Hit};
 use crate::contract::Settings;
 use crate::math::Ray;
+use crate::media::{Flight, Media};
 use crate::sampling::{
     Bsdf, LightHit, LightSample, LightSampler, LobePdfs, LobeValues, Part, Receiver, Sampler,
     Strategy,
@@ -39,6 +40,8 @@ pub struct Tracer<'a> {
     /// For each instance whether it lets light through or is not seen by some rays; empty where
     /// none does.
     pub see_through: &'a [bool],
+    /// What fills its bodies and its world.
+    pub media: &'a Media,
 }
 
 /// Scattering events so far, as the bounce limits count them.
@@ -48,6 +51,7 @@ pub struct Bounces {
     diffuse: u32,
     glossy: u32,
     transmission: u32,
+    volume: u32,
     /// What scattered the ray last; none for a camera ray.
     last: Option<Part>,
     /// Smallest density [1/sr] of the directions so far, once there was one.
@@ -63,6 +67,7 @@ impl Bounces {
             diffuse: self.diffuse + count(Part::Diffuse),
             glossy: self.glossy + count(Part::Glossy),
             transmission: self.transmission + count(Part::Transmission),
+            volume: self.volume + count(Part::Volume),
             last: Some(part),
             ..self
         }
@@ -81,7 +86,7 @@ impl Bounces {
     pub fn kind(&self) -> RayKind {
         match self.last {
             None => RayKind::Camera,
-            Some(Part::Diffuse) => RayKind::Diffuse,
+            Some(Part::Diffuse | Part::Volume) => RayKind::Diffuse,
             Some(Part::Glossy) => RayKind::Glossy,
             Some(Part::Transmission) => RayKind::Transmission,
         }
@@ -112,6 +117,7 @@ impl Bounces {
             || self.diffuse > settings.diffuse_bounces
             || self.glossy > settings.glossy_bounces
             || self.transmission > settings.transmission_bounces
+            || self.volume > settings.volume_bounces
     }
 }
 
@@ -283,34 +289,41 @@ impl<'a> Chance<'a> {
 }
 
 /// The transparent surfaces that a ray passed, in the order in which the tree showed them, and the
-/// share of the light that each lets through, over its probability of letting the ray pass.
+/// share of the light that each lets through, over its probability of letting the ray pass; and the
+/// media in between.
 #[derive(Default)]
-pub struct Passed(Vec<(Hit, Vec3A)>);
+pub struct Passed {
+    surfaces: Vec<(Hit, Vec3A)>,
+    flight: Flight,
+    /// Light that the media gave off.
+    pub glow: Vec3A,
+}
 
 impl Passed {
     /// Remembers a surface; false, for it stops nothing.
     fn note(&mut self, hit: &Hit, share: Vec3A) -> bool {
-        self.0.push((*hit, share));
+        self.surfaces.push((*hit, share));
         false
     }
 
     /// Takes back what lies beyond `end`; the surface at which a ray that passes `limit` ones must
     /// stop.
     fn end_at(&mut self, end: f32, limit: u32) -> Option<Hit> {
-        self.0.retain(|(hit, _)| hit.t < end);
+        self.surfaces.retain(|(hit, _)| hit.t < end);
         let limit = limit as usize;
-        if self.0.len() <= limit {
+        if self.surfaces.len() <= limit {
             return None;
         }
-        let last = self.0.select_nth_unstable_by(limit, by_distance).1.0;
-        self.0.truncate(limit);
+        let last = self.surfaces.select_nth_unstable_by(limit, by_distance).1.0;
+        self.surfaces.truncate(limit);
         Some(last)
     }
 
     /// Share of the light from this distance that arrives.
     pub fn share(&self, distance: f32) -> Vec3A {
-        let nearer = self.0.iter().filter(|(hit, _)| hit.t < distance);
-        nearer.map(|(_, share)| *share).product()
+        let nearer = self.surfaces.iter().filter(|(hit, _)| hit.t < distance);
+        let passed: Vec3A = nearer.map(|(_, share)| *share).product();
+        passed * self.flight.share(distance)
     }
 }
 
@@ -344,13 +357,46 @@ fn balance(pdf: f32, other: f32) -> f32 {
 }
 
 impl<'a> Tracer<'a> {
-    /// The surface that a ray meets first after the events `bounces`, seen through what it passed.
+    /// The surface that a ray meets first after the events `bounces`, or the point of a medium that
+    /// scatters it, seen through what it passed.
     pub fn arrive(
         &self,
         ray: &Ray,
         bounces: &Bounces,
         sampler: &Sampler,
     ) -> (Option<Surface>, Passed) {
+        let (surface, passed) = self.meet(ray, bounces, sampler);
+        if self.media.is_empty() {
+            return (surface, passed);
+        }
+        self.fly(ray, surface, passed, sampler.medium(bounces.total))
+    }
+
+    /// What a ray meets in the media before the surface that it would meet without them.
+    fn fly(
+        &self,
+        ray: &Ray,
+        mut surface: Option<Surface>,
+        mut passed: Passed,
+        [u_channel, u]: [f32; 2],
+    ) -> (Option<Surface>, Passed) {
+        let end = surface.as_ref().map_or(ray.t_max, |s| s.distance);
+        let segment = Ray { t_max: end, ..*ray };
+        let mut flight = self.media.along(self.frame, self.accel, &segment);
+        passed.glow = flight.glow(end);
+        let collision = flight.collide(end, u_channel, u);
+        if let Some(mut collision) = collision {
+            collision.weight *= passed.share(collision.t);
+            surface = Some(surface::in_medium(ray, &collision));
+        } else if let Some(surface) = &mut surface {
+            surface.put_behind(flight.share(end));
+        }
+        passed.flight = flight;
+        (surface, passed)
+    }
+
+    /// The surface that a ray meets first, as if there were no media.
+    fn meet(&self, ray: &Ray, bounces: &Bounces, sampler: &Sampler) -> (Option<Surface>, Passed) {
         count_ray();
         let info = bounces.ray_info();
         let at = |hit: &Hit| surface::at(self.frame, hit, ray, &info);
@@ -389,14 +435,25 @@ impl<'a> Tracer<'a> {
     /// `bounces`.
     fn lit_share(&self, ray: &Ray, bounces: &Bounces, links: Links) -> Vec3A {
         count_ray();
-        if self.see_through.is_empty() && links.blockers == 0 {
-            return lit(!self.accel.occluded(self.frame, ray));
-        }
-        let info = RayInfo {
-            kind: RayKind::Shadow,
-            ..bounces.ray_info()
+        let share = if self.see_through.is_empty() && links.blockers == 0 {
+            lit(!self.accel.occluded(self.frame, ray))
+        } else {
+            let info = RayInfo {
+                kind: RayKind::Shadow,
+                ..bounces.ray_info()
+            };
+            self.passed_share(ray, &info, links)
         };
-        self.passed_share(ray, &info, links)
+        share * self.transmittance(ray, share)
+    }
+
+    /// Share of the light that the media on a ray let through, if any light is left to lose.
+    fn transmittance(&self, ray: &Ray, light: Vec3A) -> Vec3A {
+        if self.media.is_empty() || light == Vec3A::ZERO {
+            return Vec3A::ONE;
+        }
+        let flight = self.media.along(self.frame, self.accel, ray);
+        flight.transmittance(ray.t_max)
     }
 
     fn passed_share(&self, ray: &Ray, info: &RayInfo, links: Links) -> Vec3A {
@@ -563,7 +620,8 @@ impl<'a> Tracer<'a> {
             _ => self.settings.clamp_indirect,
         };
         let clamped = |radiance| clamped(radiance, from.throughput, limit);
-        if last && !from.wants_distance && !self.lights.can_be_met() {
+        let is_plain = !self.lights.can_be_met() && self.media.is_empty();
+        if last && !from.wants_distance && is_plain {
             // Only whether the ray leaves the scene matters now.
             let open = self.open_share(ray, &from.bounces);
             let environment = if open == Vec3A::ZERO {
@@ -588,7 +646,7 @@ impl<'a> Tracer<'a> {
             distance,
             ..Gathered::default()
         };
-        gathered.lamps = clamped(self.lamps(from, distance, &passed));
+        gathered.lamps = clamped(passed.glow + self.lamps(from, distance, &passed));
         let Some(surface) = surface else {
             gathered.environment = clamped(passed.share(distance) * self.environment(from));
             return gathered;
@@ -812,7 +870,7 @@ mod tests {
     use crate::contract::{Filter, Method};
     use crate::scene::{Light, LightKind, Material, Reach};
     use crate::testing::{
-        Scene, Shoot, camera, diffuse, glossy, mean_radiance, plain_world, square,
+        Scene, Shoot, camera, cube, diffuse, glossy, mean_radiance, plain_world, square,
     };
     use glam::{Affine3A, Vec3};
 
@@ -886,12 +944,16 @@ mod tests {
     }
 
     fn seen(scene: &Scene) -> f64 {
+        seen_after(scene, Settings::default())
+    }
+
+    fn seen_after(scene: &Scene, settings: Settings) -> f64 {
         let frames = [scene.frame(1)];
         let settings = Settings {
             method: Method::Path,
             samples: 256,
             filter: Filter::Box,
-            ..Settings::default()
+            ..settings
         };
         let shoot = Shoot {
             frames: &frames,
@@ -900,6 +962,54 @@ mod tests {
             threads: 1,
         };
         mean_radiance(&shoot.pictures(&[1])[0])
+    }
+
+    /// A cube of fog in a white world, with what its nodes say per metre.
+    fn fog(scatter: f32, absorption: f32, emission: f32) -> Scene {
+        let coefficients = [
+            ("Weight", 1.0),
+            ("Scatter", scatter),
+            ("Absorption", absorption),
+            ("Emission", emission),
+            ("Anisotropy", 0.4),
+        ];
+        let bare: [(&str, f32); 2] = [("Weight", 1.0), ("Color", 1.0)];
+        let material = Material::of(&[("volume", &coefficients), ("transparent", &bare)]);
+        let mut scene = Scene::new();
+        let place = Affine3A::from_translation(Vec3::new(0.0, 4.0, 0.0));
+        scene.add(
+            cube(),
+            place * Affine3A::from_scale(Vec3::new(9.0, 1.0, 9.0)),
+            material,
+        );
+        scene
+    }
+
+    /// What only scatters is not seen in a white world, whatever the way of the light.
+    #[test]
+    fn fog_that_does_not_absorb_is_white_in_a_white_world() {
+        let settings = Settings {
+            max_bounces: 1024,
+            volume_bounces: 1024,
+            transparent_max_bounces: 1024,
+            ..Settings::default()
+        };
+        let radiance = seen_after(&fog(1.5, 0.0, 0.0), settings);
+        assert!((radiance - 1.0).abs() < 5e-3, "{radiance}");
+    }
+
+    /// Along a ray of slope `1 / cos` the way through the slab, 2 m thick, is `2 / cos`.
+    #[test]
+    fn fog_that_does_not_scatter_follows_beer() {
+        let radiance = seen_after(&fog(0.0, 0.3, 0.6), Settings::default());
+        let open = (-0.6f64).exp();
+        let expected = open + 2.0 * (1.0 - open);
+        // The picture is 0.7 rad wide: ways are up to 1.13 times longer at its corners.
+        assert!(
+            (radiance / expected - 1.0).abs() < 0.03,
+            "{radiance} {expected}"
+        );
+        assert!(radiance > expected, "the ways are longer");
     }
 
     /// The share that comes through and what a sheet shines add up, in a white world. The chance to

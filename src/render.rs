@@ -9,6 +9,7 @@ use crate::accel::Accel;
 use crate::contract::{Method, Settings};
 use crate::error::{Error, Result};
 use crate::film::{Film, Layout, Region, pixel_filter};
+use crate::media::Media;
 use crate::path::Tracer;
 use crate::progress::{Phase, Progress};
 use crate::reuse::{
@@ -95,6 +96,7 @@ struct Prepared {
     light_tree: Arc<LightTree>,
     shutter: ShutterTimes,
     see_through: Vec<bool>,
+    media: Media,
     scene_size: f32,
 }
 
@@ -117,6 +119,7 @@ impl Prepared {
             lights,
             shutter: ShutterTimes::of(frame),
             see_through: see_through(frame),
+            media: Media::of(frame),
             scene_size: (upper - lower).length(),
             accel,
         }
@@ -166,6 +169,7 @@ fn prepare_and_run(job: &Job, progress: &Progress) -> Result<Vec<Rendered>> {
                 lights: &prepared.lights,
                 settings: &job.settings,
                 see_through: &prepared.see_through,
+                media: &prepared.media,
             },
             index,
             window: &window,

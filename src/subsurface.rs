@@ -15,7 +15,7 @@ use std::f32::consts::{PI, TAU};
 use glam::Vec3A;
 
 use crate::math::{Frame, Ggx, Ray, luminance};
-use crate::sampling::{ALPHA_MIN, Walk};
+use crate::sampling::{ALPHA_MIN, Walk, sample_cosine};
 
 /// Steps of a walk; what is still inside is lost, as in Cycles.
 const STEPS_MAX: u32 = 256;
@@ -335,13 +335,7 @@ fn choose_channel(weights: Vec3A, u: f32) -> Option<(usize, Vec3A)> {
 
 /// A direction by the phase function of Henyey and Greenstein.
 fn scattered(direction: Vec3A, anisotropy: f32, numbers: &mut Walk) -> Vec3A {
-    let (g, u) = (anisotropy, 2.0 * numbers.next() - 1.0);
-    let cos = if g.abs() < 1e-3 {
-        u
-    } else {
-        let s = (1.0 - g * g) / (1.0 + g * u);
-        ((1.0 + g * g - s * s) / (2.0 * g)).clamp(-1.0, 1.0)
-    };
+    let cos = sample_cosine(anisotropy, numbers.next());
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
     let (y, x) = (TAU * numbers.next()).sin_cos();
     let around = Frame::from_normal(direction);

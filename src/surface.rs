@@ -6,6 +6,7 @@ use glam::{Quat, Vec2, Vec3A};
 
 use crate::accel::Hit;
 use crate::math::{Ray, offset_origin};
+use crate::media::Collision;
 use crate::sampling::{Bsdf, Principled, alpha_of};
 use crate::scene::{Facet, Material, Membership, SceneFrame};
 use crate::shader::{self, Closure, Glossy, Point, RayInfo};
@@ -31,6 +32,8 @@ pub struct Surface {
     pub membership: Membership,
     /// Share of it that is a hole in the picture.
     pub holdout: f32,
+    /// Whether it is a point of a medium, and no surface at all.
+    pub is_medium: bool,
     /// Distance along the ray.
     pub distance: f32,
     /// When the ray found it: the share of the shutter's time that has passed.
@@ -150,6 +153,7 @@ fn bare(frame: &SceneFrame, hit: &Hit, point: &Point, time: f32) -> Surface {
         emission: Vec3A::ZERO,
         membership: frame.instances[hit.instance as usize].membership,
         holdout: 0.0,
+        is_medium: false,
         distance: hit.t,
         time,
         clearance: CLEARANCE * one.max(other).max_element(),
@@ -227,7 +231,7 @@ impl Surface {
             }
             Closure::Emission(radiance) => self.emission += radiance * scale,
             Closure::Holdout(weight) => self.holdout += weight * scale,
-            Closure::Transparent(_) => {}
+            Closure::Transparent(_) | Closure::Volume(_) => {}
         }
     }
 }
@@ -291,6 +295,39 @@ fn below_node(s: &shader::Subsurface, weight: Vec3A, point: &Point) -> Subsurfac
         } else {
             Method::Plain
         },
+    }
+}
+
+/// Where a medium scatters a ray.
+pub fn in_medium(ray: &Ray, collision: &Collision) -> Surface {
+    let Collision {
+        t,
+        weight,
+        anisotropy,
+    } = *collision;
+    let viewer = -ray.direction;
+    let mut bsdf = Bsdf::new(viewer, viewer, true);
+    bsdf.add_phase(weight, anisotropy);
+    Surface {
+        hit: Hit {
+            t,
+            instance: 0,
+            triangle: 0,
+            u: 0.0,
+            v: 0.0,
+        },
+        position: ray.at(t),
+        geometric_normal: viewer,
+        normal: viewer,
+        bsdf,
+        below: None,
+        emission: Vec3A::ZERO,
+        membership: Membership::ALL,
+        holdout: 0.0,
+        is_medium: true,
+        distance: t,
+        time: ray.time,
+        clearance: 0.0,
     }
 }
 
@@ -449,7 +486,7 @@ fn other_weights(frame: &SceneFrame, material: &Material, point: &Point) -> f32 
             | Closure::Sheen { weight, .. }
             | Closure::Holdout(weight) => *weight,
             Closure::Emission(radiance) => radiance.max_element().min(1.0),
-            Closure::Transparent(_) => 0.0,
+            Closure::Transparent(_) | Closure::Volume(_) => 0.0,
         };
     });
     sum

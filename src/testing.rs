@@ -76,6 +76,7 @@ impl Scene {
             camera: self.camera,
             shutter: self.shutter.clone(),
             world: self.world.clone(),
+            medium: None,
             passes: ForPasses::default(),
         })
     }

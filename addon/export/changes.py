@@ -1,4 +1,4 @@
-"""Which geometry, materials and lights Blender has evaluated anew since they were last exported."""
+"""Which geometry and owners of nodes Blender has evaluated anew since they were last exported."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class Changes:
     def take(self, depsgraph: bpy.types.Depsgraph) -> set[int] | None:
         """Return the `session_uid` of what changed since the last call, and forget it.
 
-        Of objects that is their geometry; of materials and lights anything that they read: groups
-        of nodes, drivers and the animation of a value reach the one that uses them.
+        Of objects that is their geometry; of materials, lights and worlds anything that they read:
+        groups of nodes, drivers and the animation of a value reach the one that uses them.
 
         None if this depsgraph was not watched until now: then everything may have changed.
         """
@@ -52,9 +52,8 @@ class Changes:
 
 
 def _counts(update: bpy.types.DepsgraphUpdate) -> bool:
-    return update.is_updated_geometry or isinstance(
-        update.id, (bpy.types.Material, bpy.types.Light)
-    )
+    has_nodes = isinstance(update.id, (bpy.types.Material, bpy.types.Light, bpy.types.World))
+    return update.is_updated_geometry or has_nodes
 
 
 @persistent

@@ -89,6 +89,7 @@ def export_frame(
     cache.begin_frame(depsgraph)
     instances.read()
     world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
+    arrays["world_material"] = np.array(materials.index_of_world(world), np.int32)
     arrays |= instances.arrays() | materials.arrays() | lights.arrays() | still_arrays()
     arrays |= still_flow() | {"mist": mist(world)}
     arrays |= export_world(world, images, time, warnings, should_stop).arrays()

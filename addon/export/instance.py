@@ -85,6 +85,12 @@ class Seen:
     names: tuple[int, ...]
 
 
+def holds_smoke(owner: bpy.types.Object) -> bool:
+    """Whether an object is the box of a simulation of smoke or fire."""
+    domains = (m for m in owner.modifiers if m.type == "FLUID" and m.fluid_type == "DOMAIN")
+    return any(m.domain_settings.domain_type == "GAS" for m in domains)
+
+
 @dataclass
 class InstanceTable:
     """Meshes and instances of one frame."""
@@ -306,6 +312,9 @@ class InstanceTable:
     def _load_shapes(self, owner: bpy.types.Object) -> list[Shape]:
         if owner.type in LEFT_OUT_TYPES:
             self.warnings.add(owner.name, f"{LEFT_OUT_TYPES[owner.type]} not rendered yet")
+        if holds_smoke(owner):
+            self.warnings.add(owner.name, "smoke and fire are not rendered yet")
+            return []
         load = SHAPES.get(owner.type)
         try:
             return load(self, owner) if load else []

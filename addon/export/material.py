@@ -15,8 +15,9 @@ from .image import ImageTable
 from .matte import MATERIAL, NO_MATERIAL, Mattes
 from .nodes import RecursiveGroup, Source, active_output, find_input, surface
 from .report import Warnings
-from .shader import Compiler, Operations, Program, Programs, compile_surface
+from .shader import Compiler, Operations, Program, Programs, compile_surface, compile_volume
 from .shader.closures import DEFAULT_SURFACE, diffuse_surface
+from .shader.compiler import ONE
 from .shader.nodes import displaced_normal
 
 
@@ -54,6 +55,16 @@ class MaterialTable:
         compiler = Compiler(light.name, 0, self._operations, is_lamp=True)
         uid = light.original.session_uid
         return self._row(uid, compiler, lambda: compile_nodes(compiler, light))
+
+    def index_of_world(self, world: bpy.types.World | None) -> int:
+        """Row of what fills an evaluated world; -1 for nothing."""
+        if world is None or not uses_nodes(world):
+            return -1
+        if _linked(active_output(world.node_tree), "Volume") is None:
+            return -1
+        compiler = Compiler(world.name, 0, self._operations)
+        uid = world.original.session_uid
+        return self._row(uid, compiler, lambda: compile_nodes(compiler, world))
 
     def _row(self, uid: int, compiler: Compiler, compile_owner: Callable[[], None]) -> int:
         if uid not in self._rows:
@@ -103,11 +114,15 @@ def compile_material(compiler: Compiler, material: bpy.types.Material | None) ->
         compile_nodes(compiler, material)
 
 
-def compile_nodes(compiler: Compiler, owner: bpy.types.Material | bpy.types.Light) -> None:
-    """Write the program of the node tree of an evaluated material or light."""
+def compile_nodes(
+    compiler: Compiler, owner: bpy.types.Material | bpy.types.Light | bpy.types.World
+) -> None:
+    """Write the program of an evaluated node tree; of a world that of its volume."""
     try:
         if isinstance(owner, bpy.types.Material):
             _compile_material_tree(compiler, owner)
+        elif isinstance(owner, bpy.types.World):
+            _compile_world_volume(compiler, owner)
         else:
             compile_surface(compiler, surface(owner.node_tree))
     except RecursiveGroup as group:
@@ -116,14 +131,22 @@ def compile_nodes(compiler: Compiler, owner: bpy.types.Material | bpy.types.Ligh
         compiler.give_up("its chains of nodes are too long")
 
 
+def _compile_world_volume(compiler: Compiler, world: bpy.types.World) -> None:
+    if volume := _linked(active_output(world.node_tree), "Volume"):
+        compile_volume(compiler, volume)
+
+
 def _compile_material_tree(compiler: Compiler, material: bpy.types.Material) -> None:
     output = active_output(material.node_tree)
     ends = {name: _linked(output, name) for name in ("Volume", "Displacement")}
-    if ends["Volume"]:
-        compiler.missing("Volume")
     if displacement := ends["Displacement"]:
         _displace(compiler, material, displacement)
-    compile_surface(compiler, surface(material.node_tree))
+    shader = surface(material.node_tree)
+    compile_surface(compiler, shader)
+    if volume := ends["Volume"]:
+        compile_volume(compiler, volume)
+        if shader is None:
+            compiler.emit("transparent", ONE, ONE)  # nothing but the volume is seen
 
 
 def _linked(output: bpy.types.Node | None, identifier: str) -> Source | None:

@@ -57,6 +57,10 @@ def set_up(scene: Any, width: int) -> None:
     cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = SAMPLES, False, False
     cycles.pixel_filter_type = "BOX"
     cycles.sample_clamp_direct = 0.0
+    # What fills the world is rendered, not baked.
+    for output in (n for n in scene.world.node_tree.nodes if "Output" in n.bl_idname):
+        for link in list(output.inputs["Volume"].links):
+            scene.world.node_tree.links.remove(link)
     # What hides the world from the camera hides it from no other ray.
     scene.world.cycles_visibility.camera = True
     image = render_settings.image_settings

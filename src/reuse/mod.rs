@@ -207,7 +207,7 @@ impl View<'_> {
             share: passed.share(distance).element_sum() / 3.0,
             surface,
             seen,
-            emission: glow + lamps,
+            emission: glow + lamps + passed.glow,
             environment,
         }
     }
@@ -220,7 +220,7 @@ impl View<'_> {
             let seen = Seen {
                 frame: self.tracer.frame,
                 region: self.region,
-                surface: shot.surface.as_ref(),
+                surface: shot.surface.as_ref().filter(|s| !s.is_medium),
                 direction: shot.direction,
                 share: shot.share,
             };
@@ -228,7 +228,7 @@ impl View<'_> {
             passes::add_data(extra, iteration, &seen);
             passes::add_mattes(extra, &seen);
             passes::add_seen_light(extra, iteration, shot.emission, shot.environment);
-            if let Some(surface) = &shot.surface {
+            if let Some(surface) = seen.surface {
                 passes::add_colors(extra, iteration, surface);
             }
         }

@@ -88,6 +88,7 @@ enum Use {
     Sky,
     Time,
     Walk,
+    Medium,
 }
 
 /// Uses a vertex may have, a power of two.
@@ -145,6 +146,12 @@ impl Sampler {
             direction: [x, y],
             roulette,
         }
+    }
+
+    /// Two numbers that decide where the ray from the path's vertex number `vertex` is scattered.
+    pub fn medium(&self, vertex: u32) -> [f32; 2] {
+        let [channel, u, ..] = self.point(vertex, Use::Medium);
+        [channel, u]
     }
 
     /// Numbers for a walk of any length below the surface at the path's vertex number `vertex`.

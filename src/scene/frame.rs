@@ -8,8 +8,8 @@ use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 use super::motion::{Bounds, bounds_of_placed};
 use super::{
     Camera, CameraMotion, Flow, ForPasses, Image, Lens, Light, LightKind, Links, Material, Mattes,
-    Membership, Mesh, Mist, Moved, Panorama, Placement, Projection, Reach, Trajectory, Visibility,
-    World,
+    Medium, Membership, Mesh, Mist, Moved, Panorama, Placement, Projection, Reach, Trajectory,
+    Visibility, World,
 };
 use crate::contract::{Arrays, FRAME, Given};
 use crate::error::{Error, Result};
@@ -78,6 +78,8 @@ pub struct SceneFrame {
     pub shutter: Shutter,
     /// The surroundings.
     pub world: World,
+    /// What fills them.
+    pub medium: Option<Medium>,
     /// What it tells for passes alone.
     pub passes: ForPasses,
 }
@@ -114,6 +116,7 @@ impl SceneFrame {
             camera,
             shutter: shutter(&arrays)?,
             world: world(&arrays, &images)?,
+            medium: world_medium(&arrays, &materials)?,
             meshes,
             materials,
             images,
@@ -566,6 +569,12 @@ fn panorama(arrays: &Arrays) -> Result<Option<(Panorama, Vec2)>> {
         }
     };
     Ok(Some((panorama, Vec2::new(shift_x, shift_y))))
+}
+
+fn world_medium(arrays: &Arrays, materials: &[Material]) -> Result<Option<Medium>> {
+    let given = arrays.i32s("world_material")[0];
+    let row = optional_index("world_material", 0, given, materials.len(), "materials")?;
+    Ok(row.and_then(|row| materials[row as usize].medium))
 }
 
 fn world(arrays: &Arrays, images: &[Arc<Image>]) -> Result<World> {

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3A, Vec4};
 
 use crate::image::Image;
-use crate::shader::{Attributes, Draft, Point, Program, Use};
+use crate::shader::{Attributes, Closure, Draft, Point, Program, Use};
 
 /// A triangle whose layers all hold one texture coordinate.
 struct Uniform(Vec2);
@@ -13,6 +13,55 @@ struct Uniform(Vec2);
 impl Attributes for Uniform {
     fn corners(&self, _: u32) -> Option<[Vec4; 3]> {
         Some([self.0.extend(0.0).extend(1.0); 3])
+    }
+}
+
+/// What fills a body: even, coefficients per metre.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Medium {
+    /// Scattering coefficient [1/m].
+    pub scattering: Vec3A,
+    /// Absorption coefficient [1/m].
+    pub absorption: Vec3A,
+    /// Light given off [W / (sr m^3)].
+    pub emission: Vec3A,
+    /// Mean cosine of scattering (Henyey and Greenstein).
+    pub anisotropy: f32,
+}
+
+impl Medium {
+    /// Share of the light that is lost [1/m].
+    pub fn extinction(&self) -> Vec3A {
+        self.scattering + self.absorption
+    }
+
+    /// Both at the same place.
+    pub fn and(self, other: Self) -> Self {
+        let [own, added] = [&self, &other].map(|m| m.scattering.element_sum());
+        let share = added / (own + added).max(f32::MIN_POSITIVE);
+        Self {
+            scattering: self.scattering + other.scattering,
+            absorption: self.absorption + other.absorption,
+            emission: self.emission + other.emission,
+            anisotropy: self.anisotropy + share * (other.anisotropy - self.anisotropy),
+        }
+    }
+
+    /// What a program fills a body with; `None` for nothing.
+    fn of(program: &Program) -> Option<Self> {
+        let mut found: Option<Self> = None;
+        program.run(&Point::nowhere(), &[], &mut |closure| {
+            if let Closure::Volume(volume) = closure {
+                let medium = Self {
+                    scattering: volume.weight * volume.scatter,
+                    absorption: volume.weight * volume.absorption,
+                    emission: volume.weight * volume.emission,
+                    anisotropy: volume.anisotropy,
+                };
+                found = Some(found.map_or(medium, |other| other.and(medium)));
+            }
+        });
+        found.filter(|m| m.extinction() != Vec3A::ZERO || m.emission != Vec3A::ZERO)
     }
 }
 
@@ -25,6 +74,8 @@ pub struct Material {
     pub transparency: Program,
     /// Which light leaves on its own, given that the ray did not pass straight on.
     pub emission: Program,
+    /// What fills a body of it.
+    pub medium: Option<Medium>,
     /// Its pass index.
     pub pass_index: f32,
 }
@@ -36,6 +87,7 @@ impl Material {
             surface: draft.program(Use::Surface),
             transparency: draft.program(Use::Transparency),
             emission: draft.program(Use::Emission),
+            medium: Medium::of(&draft.program(Use::Volume)),
             pass_index: 0.0,
         }
     }

@@ -18,7 +18,7 @@ pub use camera::{Camera, CameraMotion, Lens, Panorama, Projection};
 pub use facet::Facet;
 pub use frame::{Instance, SceneFrame, Shutter, interpolate};
 pub use light::{Light, LightKind};
-pub use material::Material;
+pub use material::{Material, Medium};
 pub use mesh::Mesh;
 pub use motion::{Placement, Trajectory};
 pub use passes::{Flow, ForPasses, Mattes, Mist, Moved};

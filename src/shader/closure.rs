@@ -41,6 +41,8 @@ pub enum Closure {
     Emission(Vec3A),
     /// Share of the light that passes straight on, weight included.
     Transparent(Vec3A),
+    /// What fills the body.
+    Volume(Volume),
     /// Share of the surface that is a hole in the picture.
     Holdout(f32),
 }
@@ -84,6 +86,21 @@ pub struct Subsurface {
     pub anisotropy: f32,
     pub normal: Vec3A,
     pub is_skin: bool,
+}
+
+/// An even medium. Blender's volume nodes are such ones.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Volume {
+    /// What mixing leaves of it.
+    pub weight: f32,
+    /// Scattering coefficient [1/m].
+    pub scatter: Vec3A,
+    /// Absorption coefficient [1/m].
+    pub absorption: Vec3A,
+    /// Light given off [W / (sr m^3)].
+    pub emission: Vec3A,
+    /// Mean cosine of scattering.
+    pub anisotropy: f32,
 }
 
 /// Inputs of Blender's Principled BSDF.

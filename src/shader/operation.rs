@@ -224,5 +224,6 @@ pub static OPERATIONS: &[Operation] = &[
     closure("subsurface", &["Weight", "Color", "Scale", "Radius", "IOR", "Roughness", "Anisotropy", "Normal"], Modes(&[WALKS]), closures::subsurface),
     closure("emission", &["Weight", "Color"], None, closures::emission),
     closure("transparent", &["Weight", "Color"], None, closures::transparent),
+    closure("volume", &["Weight", "Scatter", "Absorption", "Emission", "Anisotropy"], None, closures::volume),
     closure("holdout", &["Weight"], None, closures::holdout),
 ];

@@ -36,14 +36,17 @@ pub enum Use {
     Transparency,
     /// Which light leaves on its own.
     Emission,
+    /// What fills the body.
+    Volume,
 }
 
 impl Use {
     fn wants(self, name: &str) -> bool {
         match self {
-            Use::Surface => name != "transparent",
+            Use::Surface => name != "transparent" && name != "volume",
             Use::Transparency => name == "transparent",
             Use::Emission => name == "emission",
+            Use::Volume => name == "volume",
         }
     }
 }

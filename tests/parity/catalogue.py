@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from . import cameras, geometry, lights, materials, motion, visibility, worlds
+from . import cameras, geometry, lights, materials, motion, visibility, volumes, worlds
 
 ROWS = (
     lights.ROWS
@@ -10,6 +10,7 @@ ROWS = (
     + visibility.ROWS
     + geometry.ROWS
     + materials.ROWS
+    + volumes.ROWS
     + cameras.ROWS
     + motion.ROWS
 )

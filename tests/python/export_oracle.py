@@ -311,14 +311,15 @@ def animate(owner: Any, path: str, values: dict[int, Any], index: int = -1) -> N
 
 
 def add_material(name: str, build: Callable[[Any], Any]) -> Any:
-    """Add a material whose surface is the socket that `build(tree)` returns."""
+    """Add a material whose surface is the socket that `build(tree)` returns, if it does."""
     material: Any = bpy.data.materials.new(name)
     if bpy.app.version < (5, 0, 0):
         material.use_nodes = True
     tree = material.node_tree
     tree.nodes.clear()
     output = tree.nodes.new("ShaderNodeOutputMaterial")
-    tree.links.new(build(tree), output.inputs["Surface"])
+    if (surface := build(tree)) is not None:
+        tree.links.new(surface, output.inputs["Surface"])
     return material
 
 

@@ -224,7 +224,7 @@ def test_what_principled_does_beyond_is_named_once(identifier: str, what: str) -
     assert export_now().warnings == warnings
 
 
-def test_volumes_and_true_displacement_are_named() -> None:
+def test_true_displacement_is_named_and_volumes_are_no_surface() -> None:
     def build(tree: Any) -> Any:
         output = tree.nodes["Material Output"]
         wave = node(tree, "ShaderNodeTexWave")
@@ -235,7 +235,7 @@ def test_volumes_and_true_displacement_are_named() -> None:
         return diffuse(tree, 1, 1, 1)
 
     (closure,), warnings = closures_of(build)
-    assert warnings == ["'Wood': Volume is not rendered yet"]
+    assert warnings == []
     assert closure["normal"] != [0.0, 0.0, 0.0]
     bpy.data.materials["Wood"].displacement_method = "DISPLACEMENT"
     assert "'Wood': True displacement is not rendered yet (bump is shown)" in export_now().warnings
@@ -515,3 +515,29 @@ def test_the_burley_method_is_named() -> None:
 
     _, warnings = closures_of(build)
     assert warnings == ["'Wood': Christensen-Burley is not rendered yet (Random Walk is used)"]
+
+
+def with_volume(tree: Any, volume: Any) -> None:
+    """Make a node the volume of a material without a surface."""
+    tree.links.new(volume.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+
+
+def test_a_bare_volume_lets_light_pass() -> None:
+    def build(tree: Any) -> None:
+        with_volume(tree, node(tree, "ShaderNodeVolumeAbsorption", Density=2.0))
+
+    (closure,), warnings = closures_of(build)
+    assert warnings == []
+    assert closure.kind == "Transparent"
+
+
+def test_textures_in_volumes_are_named() -> None:
+    def build(tree: Any) -> None:
+        wave = node(tree, "ShaderNodeTexWave")
+        with_volume(tree, node(tree, "ShaderNodeVolumeScatter", Density=wave.outputs["Fac"]))
+
+    _, warnings = closures_of(build)
+    assert warnings == [
+        "'Wood': a texture in Density of Volume Scatter is not rendered yet "
+        "(its default value is used)"
+    ]

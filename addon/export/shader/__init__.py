@@ -4,6 +4,7 @@ from .closures import compile_surface
 from .compiler import Compiler
 from .layers import ACTIVE_UV, layer_key
 from .program import Operations, Program, Programs
+from .volumes import compile_volume
 
 __all__ = [
     "ACTIVE_UV",
@@ -12,5 +13,6 @@ __all__ = [
     "Program",
     "Programs",
     "compile_surface",
+    "compile_volume",
     "layer_key",
 ]

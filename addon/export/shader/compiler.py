@@ -93,6 +93,11 @@ class Compiler:
             return self._constant(Constant(socket.socket), kind)
         return self._passed(value, kind_of(end.output.type), (*map(kind_of, end.through), kind))
 
+    def default(self, source: Source, identifier: str) -> Color:
+        """The value in an input's own field."""
+        socket = source.input(identifier)
+        return Constant(socket.socket).color() if socket else ZERO
+
     def output(self, source: Source) -> Operand | None:
         """The value of a node's output; None if the type of the node is unknown."""
         from .nodes import NODES

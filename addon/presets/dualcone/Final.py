@@ -12,4 +12,5 @@ settings.max_bounces = 12
 settings.diffuse_bounces = 4
 settings.glossy_bounces = 4
 settings.transmission_bounces = 12
+settings.volume_bounces = 0
 settings.transparent_max_bounces = 8

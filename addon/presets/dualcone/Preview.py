@@ -12,4 +12,5 @@ settings.max_bounces = 4
 settings.diffuse_bounces = 2
 settings.glossy_bounces = 2
 settings.transmission_bounces = 4
+settings.volume_bounces = 0
 settings.transparent_max_bounces = 8

@@ -184,6 +184,10 @@ impl<'a> Pass<'a> {
 
     fn class_of(&self, gathered: &Gathered, direction: Vec3A) -> Class {
         let lights = &self.view.tracer.lights;
+        // What a medium takes on the way to one pixel it does not on the way to another.
+        if !self.view.tracer.media.is_empty() {
+            return Class::Own;
+        }
         if gathered.distance.is_finite() {
             // What mirrors, glass and water throw (caustics) changes from pixel to pixel: borrowed it
             // would blur, and its rare bright samples would become blots.

@@ -4,6 +4,7 @@ use glam::Vec3A;
 
 use super::diffuse::{OrenNayar, Sheen, Translucent};
 use super::microfacet::{Interface, Reflection};
+use super::phase::Phase;
 use super::{Part, Scattered};
 use crate::math::Ggx;
 use crate::math::warp::sample_cosine_hemisphere;
@@ -16,6 +17,7 @@ pub enum Model {
     OrenNayar(OrenNayar),
     Sheen(Sheen),
     Translucent(Translucent),
+    Phase(Phase),
 }
 
 /// A closure, and what chooses it.
@@ -61,7 +63,7 @@ impl Lobe {
 
     /// Whether it has no mirror direction.
     pub fn is_wide(&self) -> bool {
-        self.is_diffuse() || matches!(self.model, Model::Translucent(_))
+        self.is_diffuse() || matches!(self.model, Model::Translucent(_) | Model::Phase(_))
     }
 
     /// Whether light may come through. The share of it that the viewer sees does not tell: it is
@@ -88,6 +90,7 @@ impl Lobe {
             (Model::OrenNayar(own), Model::OrenNayar(other)) => own.weight += other.weight,
             (Model::Sheen(own), Model::Sheen(other)) => own.weight += other.weight,
             (Model::Translucent(own), Model::Translucent(other)) => own.weight += other.weight,
+            (Model::Phase(own), Model::Phase(other)) => own.weight += other.weight,
             _ => {}
         }
     }
@@ -102,6 +105,7 @@ impl Lobe {
             Model::OrenNayar(d) => d.weight *= color,
             Model::Sheen(s) => s.weight *= color,
             Model::Translucent(t) => t.weight *= color,
+            Model::Phase(p) => p.weight *= color,
         }
     }
 
@@ -135,6 +139,7 @@ impl Lobe {
             Model::OrenNayar(d) => d.eval(wo, wi),
             Model::Sheen(s) => s.eval(wi),
             Model::Translucent(t) => t.eval(wi),
+            Model::Phase(p) => Some(p.eval(wo, wi)),
         }
     }
 
@@ -142,6 +147,7 @@ impl Lobe {
     pub fn part_towards(&self, wi: Vec3A) -> Option<Part> {
         let is_above = wi.z > 0.0;
         match (&self.model, is_above) {
+            (Model::Phase(_), _) => Some(Part::Volume),
             (Model::OrenNayar(_) | Model::Sheen(_), true) => Some(Part::Diffuse),
             (Model::Reflection(_) | Model::Interface(_), true) => Some(Part::Glossy),
             (Model::Translucent(_) | Model::Interface(_), false) => Some(Part::Transmission),
@@ -157,6 +163,7 @@ impl Lobe {
             Model::OrenNayar(_) => Some(sample_cosine_hemisphere(u)),
             Model::Sheen(s) => Some(s.sample(u)),
             Model::Translucent(_) => Some(Translucent::sample(u)),
+            Model::Phase(p) => Some(p.sample(wo, u)),
         }
     }
 }

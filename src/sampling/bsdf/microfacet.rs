@@ -177,7 +177,7 @@ impl Interface {
         match part {
             Part::Glossy => self.reflection = Vec3A::ZERO,
             Part::Transmission => self.transmission = Vec3A::ZERO,
-            Part::Diffuse => {}
+            Part::Diffuse | Part::Volume => {}
         }
     }
 

@@ -22,6 +22,7 @@ mod energy;
 mod fresnel;
 mod lobe;
 mod microfacet;
+mod phase;
 mod principled;
 
 use glam::{Quat, Vec3A};
@@ -33,6 +34,8 @@ use fresnel::{Curve, Fresnel, f0_from_ior};
 use lobe::{Lobe, Model};
 pub use microfacet::ALPHA_MIN;
 use microfacet::{Glass, Interface, Reflection};
+use phase::Phase;
+pub use phase::sample_cosine;
 pub use principled::Principled;
 
 /// Closures that a surface may have beside its Lambert part: a Principled BSDF with all its layers.
@@ -51,6 +54,15 @@ pub enum Part {
     Glossy,
     /// Everything that goes through the surface.
     Transmission,
+    /// Scattering within a medium, to all sides.
+    Volume,
+}
+
+impl Part {
+    /// Whether it scatters to the viewer's side of the geometric surface, or else to the other.
+    fn may_leave(self, is_above: bool) -> bool {
+        self == Part::Volume || is_above != (self == Part::Transmission)
+    }
 }
 
 /// `f cos` of each part [1/sr].
@@ -90,7 +102,7 @@ impl LobeValues {
 
     fn add_scattered(&mut self, scattered: &Scattered, is_wide: bool, factor: f32) {
         let sum = match scattered.part {
-            Part::Diffuse => &mut self.diffuse,
+            Part::Diffuse | Part::Volume => &mut self.diffuse,
             Part::Glossy => &mut self.glossy,
             Part::Transmission if is_wide => &mut self.translucent,
             Part::Transmission => &mut self.transmission,
@@ -345,6 +357,14 @@ impl Bsdf {
         albedo
     }
 
+    /// Adds a medium that scatters this share to all sides.
+    pub fn add_phase(&mut self, weight: Vec3A, anisotropy: f32) {
+        let view = self.view(self.geometric_normal, None);
+        let phase = Phase { weight, anisotropy };
+        let halves = 0.5 * weight;
+        self.add(view, Model::Phase(phase), [halves, halves]);
+    }
+
     /// Adds microfacets that reflect and returns their albedo.
     fn add_reflection(
         &mut self,
@@ -543,7 +563,7 @@ impl Bsdf {
             let Some(scattered) = lobe.eval(self.views[view as usize].wo, wi_local) else {
                 continue;
             };
-            if is_above != (scattered.part == Part::Transmission) {
+            if scattered.part.may_leave(is_above) {
                 let is_wide = lobe.is_wide();
                 let shadow = if is_wide {
                     self.bump_shadow(lobe.view, wi)
@@ -613,7 +633,7 @@ impl Bsdf {
         let direction = view.frame.to_world(local);
         let is_above = direction.dot(self.geometric_normal) > 0.0;
         let part = lobe.part_towards(local)?;
-        (is_above != (part == Part::Transmission)).then_some((direction, part))
+        part.may_leave(is_above).then_some((direction, part))
     }
 
     /// A direction of the whole surface, chosen with [`Bsdf::probability_lambert`].

@@ -42,6 +42,7 @@ fn frame_of(lights: Vec<Light>, world: World) -> SceneFrame {
         lights,
         camera: crate::testing::camera(Vec3::ZERO, Vec3::Y, 1.0),
         shutter: Shutter::default(),
+        medium: None,
         passes: ForPasses::default(),
         world,
     }

@@ -3,7 +3,7 @@
 
 use glam::Vec3A;
 
-use super::super::closure::{Closure, Glass, Glossy, Principled, Subsurface};
+use super::super::closure::{Closure, Glass, Glossy, Principled, Subsurface, Volume};
 use super::super::operation::Args;
 
 fn vector(a: &Args, input: usize) -> Vec3A {
@@ -127,6 +127,16 @@ pub fn subsurface(a: &Args) -> Closure {
         anisotropy: float(a, 6),
         normal: vector(a, 7),
         is_skin: a.is_on(0),
+    })
+}
+
+pub fn volume(a: &Args) -> Closure {
+    Closure::Volume(Volume {
+        weight: weight(a),
+        scatter: vector(a, 1).max(Vec3A::ZERO),
+        absorption: vector(a, 2).max(Vec3A::ZERO),
+        emission: vector(a, 3).max(Vec3A::ZERO),
+        anisotropy: float(a, 4).clamp(-0.999, 0.999),
     })
 }
 
