@@ -203,7 +203,7 @@ impl Image {
 
     fn bilinear(&self, at: Vec2) -> Vec4 {
         let (low, part) = (at.floor(), at - at.floor());
-        let (x, y) = (low.x as i64, low.y as i64);
+        let (x, y) = self.repeated(low.x as i64, low.y as i64);
         let along = |[left, right]: [Vec4; 2]| left.lerp(right, part.x);
         let [bottom, top] = self
             .inside(x, y)
@@ -221,6 +221,17 @@ impl Image {
             }
         }
         sum
+    }
+
+    /// Where a texel comes from that repetition puts at (x, y): the other extensions look at each texel.
+    fn repeated(&self, x: i64, y: i64) -> (i64, i64) {
+        let (width, height) = (self.width as i64, self.height as i64);
+        let is_inside = (0..width).contains(&x) && (0..height).contains(&y);
+        // Divisions are slow.
+        if is_inside || self.lookup.extension != Extension::Repeat {
+            return (x, y);
+        }
+        (x.rem_euclid(width), y.rem_euclid(height))
     }
 
     /// The four texels from (x, y) on, row by row, where all of them lie inside: nearly always.

@@ -6,7 +6,11 @@
 //! the number of uses, and adding a use shifts no other. This is the only file that knows the
 //! sequence crate.
 
-use sobol_burley::sample_4d;
+use std::sync::LazyLock;
+
+use sobol_burley::parts::{
+    Int4, hash, hash_int4, owen_scramble_int4_rev, owen_scramble_rev, sobol_int4_rev,
+};
 
 /// Samples of the sequence before the crate's direction numbers run out.
 const SEQUENCE_BITS: u32 = 16;
@@ -174,12 +178,29 @@ impl Sampler {
 
     fn point(&self, vertex: u32, purpose: Use) -> [f32; 4] {
         let set = vertex.wrapping_mul(USES_PER_VERTEX) + purpose as u32;
-        sample_4d(
-            self.index,
-            0,
-            mix(self.seed ^ set.wrapping_mul(0x9e37_79b9)),
-        )
+        point_4d(self.index, mix(self.seed ^ set.wrapping_mul(0x9e37_79b9)))
     }
+}
+
+/// For each value of four bits of an index, the highest first, what they add to the first four
+/// dimensions of its Sobol point, all with their bits reversed: a point is the sum without carry of
+/// what its bits add.
+static SOBOL: LazyLock<[[Int4; 16]; 4]> = LazyLock::new(|| {
+    std::array::from_fn(|part| {
+        std::array::from_fn(|bits| sobol_int4_rev((bits as u32) << (28 - 4 * part), 0))
+    })
+});
+
+/// What `sobol_burley::sample_4d` returns for the first four dimensions, bit by bit. That one works
+/// through the bits of the index in a loop, whose length nobody can predict.
+fn point_4d(index: u32, seed: u32) -> [f32; 4] {
+    let shuffled = owen_scramble_rev(index.reverse_bits(), hash(seed ^ 0x79c6_8e4a));
+    let of_part = |part: usize| SOBOL[part][(shuffled >> (28 - 4 * part)) as usize % 16];
+    let sobol = of_part(0) ^ of_part(1) ^ of_part(2) ^ of_part(3);
+    let own: Int4 = [0x912f_69ba, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8].into();
+    let scramble = own ^ [seed.wrapping_mul(0x9c8f_2d3b); 4].into();
+    let scrambled = owen_scramble_int4_rev(sobol, hash_int4(scramble));
+    scrambled.reverse_bits().to_f32_norm()
 }
 
 /// A bijective hash of 32 bits in which every input bit flips half of the output bits.
@@ -194,6 +215,15 @@ fn mix(mut x: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sobol_burley::sample_4d;
+
+    #[test]
+    fn points_are_those_of_the_crate() {
+        for index in (0..1 << SEQUENCE_BITS).step_by(7) {
+            let seed = mix(index);
+            assert_eq!(point_4d(index, seed), sample_4d(index, 0, seed));
+        }
+    }
 
     #[test]
     fn numbers_are_a_pure_function_and_differ_in_every_argument() {
