@@ -310,6 +310,11 @@ impl Film {
         }
     }
 
+    /// Luminance of a pixel's sum, pixels row by row.
+    pub fn luminance(&self, pixel: usize) -> f32 {
+        self.pixels[pixel].luminance()
+    }
+
     /// Iterations so far.
     pub fn samples(&self) -> u32 {
         self.samples

@@ -228,6 +228,8 @@ impl Reflected {
 pub struct Gathered {
     /// From the world, where the ray left the scene.
     pub environment: Vec3A,
+    /// The same, not weighted: as much as it would be if only rays found the world.
+    pub open_sky: Vec3A,
     /// From lamps, suns and glowing surfaces that the ray met.
     pub lamps: Vec3A,
     /// Reflected at the surface that the ray met.
@@ -623,18 +625,15 @@ impl<'a> Tracer<'a> {
         let is_plain = !self.lights.can_be_met() && self.media.is_empty();
         if last && !from.wants_distance && is_plain {
             // Only whether the ray leaves the scene matters now.
-            let open = self.open_share(ray, &from.bounces);
-            let environment = if open == Vec3A::ZERO {
-                open
-            } else {
-                clamped(open * self.environment(from))
-            };
-            let distance = f32::INFINITY;
-            return Gathered {
-                environment,
-                distance,
+            let share = self.open_share(ray, &from.bounces);
+            let mut gathered = Gathered {
+                distance: f32::INFINITY,
                 ..Gathered::default()
             };
+            if share != Vec3A::ZERO {
+                self.add_environment(from, share, clamped, &mut gathered);
+            }
+            return gathered;
         }
         let (mut surface, passed) = self.arrive(ray, &from.bounces, sampler);
         let bounces = from.bounces.along(from.pdf_solid_angle);
@@ -648,7 +647,7 @@ impl<'a> Tracer<'a> {
         };
         gathered.lamps = clamped(passed.glow + self.lamps(from, distance, &passed));
         let Some(surface) = surface else {
-            gathered.environment = clamped(passed.share(distance) * self.environment(from));
+            self.add_environment(from, passed.share(distance), clamped, &mut gathered);
             return gathered;
         };
         if surface.emission != Vec3A::ZERO {
@@ -690,17 +689,30 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    fn environment(&self, from: &Continuation) -> Vec3A {
+    /// Adds what a ray brings from the world, of which `share` gets through.
+    fn add_environment(
+        &self,
+        from: &Continuation,
+        share: Vec3A,
+        clamped: impl Fn(Vec3A) -> Vec3A,
+        gathered: &mut Gathered,
+    ) {
         let direction = from.ray.direction;
         let (kind, vertex) = (from.bounces.kind(), from.bounces.lit_vertex());
-        let radiance = self.lights.environment_radiance(direction, kind, vertex);
-        if radiance == Vec3A::ZERO {
-            return radiance;
+        let radiance = share * self.lights.environment_radiance(direction, kind, vertex);
+        if radiance != Vec3A::ZERO {
+            gathered.open_sky = clamped(radiance);
+            gathered.environment = clamped(radiance * self.environment_weight(from));
         }
+    }
+
+    /// Weight of what the ray brings from the world, beside the light samples of its strategy.
+    pub fn environment_weight(&self, from: &Continuation) -> f32 {
+        let direction = from.ray.direction;
         let pdf_light = self
             .lights
             .environment_pdf(&from.receiver(), from.strategy, direction);
-        radiance * balance(from.pdf_solid_angle, pdf_light)
+        balance(from.pdf_solid_angle, pdf_light)
     }
 
     /// Light of the lamps on a ray up to `distance`, through what it passed.

@@ -13,7 +13,8 @@ use crate::media::Media;
 use crate::path::Tracer;
 use crate::progress::{Phase, Progress};
 use crate::reuse::{
-    Estimator, LightTree, Sharing, View, WithEstimator, lenders, window_frames, with_estimator,
+    Canvas, Estimator, LightTree, Sharing, View, WithEstimator, lenders, window_frames,
+    with_estimator,
 };
 use crate::sampling::{LightSampler, ShutterTimes};
 use crate::scene::{FrameWindow, Instance, SceneFrame, Visibility};
@@ -248,7 +249,11 @@ impl WithEstimator for Iterations<'_> {
                     lenders: &target.lenders,
                     iteration,
                 };
-                estimator.share(&sharing, &mut target.history, &mut target.film)?;
+                let canvas = Canvas {
+                    film: &mut target.film,
+                    history: &mut target.history,
+                };
+                estimator.share(&sharing, canvas)?;
                 target.film.count_iteration();
                 target.is_done = self.is_clean(&target.film);
             }
@@ -331,15 +336,24 @@ impl Iterations<'_> {
         memories: &mut [E::Memory],
         targets: &mut [Target<E::History>],
     ) -> Result<()> {
-        let mut films: Vec<Option<&mut Film>> = self.views.iter().map(|_| None).collect();
-        let mut is_needed = vec![false; self.views.len()];
-        for target in targets.iter_mut().filter(|target| !target.is_done) {
-            target.lenders.iter().for_each(|&l| is_needed[l] = true);
-            films[target.index] = Some(&mut target.film);
-        }
-        let frames = self.views.iter().zip(memories).zip(films).zip(is_needed);
-        for (((view, memory), film), _) in frames.filter(|(_, is_needed)| *is_needed) {
-            estimator.sample(view, iteration, memory, film)?;
+        for (index, (view, memory)) in self.views.iter().zip(memories).enumerate() {
+            let readers = targets
+                .iter()
+                .filter(|target| !target.is_done && target.lenders.contains(&index))
+                .map(|target| &target.history);
+            let readers: Vec<_> = readers.collect();
+            if readers.is_empty() {
+                continue;
+            }
+            estimator.expect(memory, index, &readers);
+            let mut unfinished = targets.iter_mut().filter(|target| !target.is_done);
+            let canvas = unfinished
+                .find(|target| target.index == index)
+                .map(|target| Canvas {
+                    film: &mut target.film,
+                    history: &mut target.history,
+                });
+            estimator.sample(view, iteration, memory, canvas)?;
         }
         Ok(())
     }

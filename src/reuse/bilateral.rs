@@ -10,10 +10,10 @@
 use glam::Vec3A;
 use rayon::prelude::*;
 
-use super::{Estimator, Sharing, View};
+use super::{Canvas, Estimator, Sharing, View};
 use crate::contract::Settings;
 use crate::error::Result;
-use crate::film::{Film, Region};
+use crate::film::Region;
 use crate::path::Bounces;
 
 /// Standard deviation of the spatial weight over half the side of the block.
@@ -105,9 +105,11 @@ impl Estimator for Bilateral {
         view: &View,
         iteration: u32,
         memory: &mut Self::Memory,
-        film: Option<&mut Film>,
+        canvas: Option<Canvas<()>>,
     ) -> Result<()> {
-        let Some(film) = film else { return Ok(()) };
+        let Some(Canvas { film, .. }) = canvas else {
+            return Ok(());
+        };
         let rows = film
             .rows_mut()
             .zip(memory.par_chunks_mut(view.region.width));
@@ -123,10 +125,10 @@ impl Estimator for Bilateral {
         })
     }
 
-    fn share(&self, sharing: &Sharing<Self::Memory>, (): &mut (), film: &mut Film) -> Result<()> {
+    fn share(&self, sharing: &Sharing<Self::Memory>, canvas: Canvas<()>) -> Result<()> {
         let (view, pixels) = (sharing.view(), &sharing.memories[sharing.target]);
         let width = view.region.width;
-        view.for_rows(film.rows_mut(), |y, mut row| {
+        view.for_rows(canvas.film.rows_mut(), |y, mut row| {
             for x in 0..width {
                 let pixel = &pixels[y * width + x];
                 if pixel.depth > 0.0 {

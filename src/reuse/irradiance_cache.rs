@@ -18,9 +18,9 @@ use glam::Vec3A;
 use rayon::prelude::*;
 
 use self::cache::{Cache, Hemisphere, Place, RINGS, SECTORS};
-use super::{Estimator, Sharing, Shot, View};
+use super::{Canvas, Estimator, Sharing, Shot, View};
 use crate::error::Result;
-use crate::film::{Film, Region};
+use crate::film::Region;
 use crate::math::Frame;
 use crate::path::{Bounces, Continuation, Gathered, take_rays};
 use crate::sampling::{LobePdfs, Part, Sampler, Strategy};
@@ -65,9 +65,11 @@ impl Estimator for IrradianceCache {
         view: &View,
         iteration: u32,
         memory: &mut Memory,
-        film: Option<&mut Film>,
+        canvas: Option<Canvas<()>>,
     ) -> Result<()> {
-        let Some(film) = film else { return Ok(()) };
+        let Some(Canvas { film, .. }) = canvas else {
+            return Ok(());
+        };
         let surfaces = memory.surfaces.par_chunks_mut(view.region.width);
         let rows = film.rows_mut().zip(surfaces);
         view.for_rows(rows, |y, (mut row, surfaces)| {
@@ -85,10 +87,10 @@ impl Estimator for IrradianceCache {
         fill(view, iteration, memory)
     }
 
-    fn share(&self, sharing: &Sharing<Memory>, (): &mut (), film: &mut Film) -> Result<()> {
+    fn share(&self, sharing: &Sharing<Memory>, canvas: Canvas<()>) -> Result<()> {
         let (view, memory) = (sharing.view(), &sharing.memories[sharing.target]);
         let surfaces = memory.surfaces.par_chunks(view.region.width);
-        let rows = film.rows_mut().zip(surfaces);
+        let rows = canvas.film.rows_mut().zip(surfaces);
         view.for_rows(rows, |_, (mut row, surfaces)| {
             for (x, surface) in surfaces.iter().enumerate() {
                 let lit = surface

@@ -117,7 +117,7 @@ impl View<'_> {
         Ok(())
     }
 
-    /// Works through the rows of a frame, from the lowest, on all threads; counts the rays.
+    /// Works through the rows of a frame, from the lowest, on all threads.
     ///
     /// # Errors
     /// [`Error::Cancelled`] once the user wants to stop.
@@ -126,12 +126,26 @@ impl View<'_> {
         rows: impl IndexedParallelIterator<Item = R>,
         work: impl Fn(usize, R) + Sync,
     ) -> Result<()> {
-        rows.enumerate().try_for_each(|(y, row)| {
+        self.count_rays(rows, work).map(|_| ())
+    }
+
+    /// The same; returns the number of rays.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] once the user wants to stop.
+    pub fn count_rays<R: Send>(
+        &self,
+        rows: impl IndexedParallelIterator<Item = R>,
+        work: impl Fn(usize, R) + Sync,
+    ) -> Result<u64> {
+        let rays = rows.enumerate().map(|(y, row)| {
             self.check_cancelled()?;
             work(y, row);
-            self.progress.count_rays(take_rays());
-            Ok(())
-        })
+            let rays = take_rays();
+            self.progress.count_rays(rays);
+            Ok(rays)
+        });
+        rays.try_reduce(|| 0, |a, b| Ok(a + b))
     }
 
     /// The random numbers of an iteration of pixel (`x`, `y`) of the region.
@@ -256,6 +270,14 @@ fn film_rows(
     rows.into_par_iter()
 }
 
+/// A frame that is rendered, as an estimator works on it.
+pub struct Canvas<'a, H> {
+    /// What its pixels add up to.
+    pub film: &'a mut Film,
+    /// What the estimator keeps of it.
+    pub history: &'a mut H,
+}
+
 /// The samples of one iteration, and a frame that may borrow them.
 pub struct Sharing<'a, M> {
     /// The frames of the window.
@@ -306,7 +328,11 @@ pub trait Estimator: Sync {
         vec![0.0; region.width * region.height]
     }
 
-    /// First pass of an iteration over one frame. Only targets have a film.
+    /// Before the first pass of an iteration over a frame, a position in the window: `readers` are
+    /// the histories of the frames that may borrow from it, its own among them if it is rendered.
+    fn expect(&self, _: &mut Self::Memory, _frame: usize, _readers: &[&Self::History]) {}
+
+    /// First pass of an iteration over one frame. Only targets have a canvas.
     ///
     /// # Errors
     /// [`Error::Cancelled`].
@@ -315,19 +341,14 @@ pub trait Estimator: Sync {
         view: &View,
         iteration: u32,
         memory: &mut Self::Memory,
-        film: Option<&mut Film>,
+        canvas: Option<Canvas<Self::History>>,
     ) -> Result<()>;
 
     /// Second pass: what a frame borrows.
     ///
     /// # Errors
     /// [`Error::Cancelled`].
-    fn share(
-        &self,
-        sharing: &Sharing<Self::Memory>,
-        history: &mut Self::History,
-        film: &mut Film,
-    ) -> Result<()>;
+    fn share(&self, sharing: &Sharing<Self::Memory>, canvas: Canvas<Self::History>) -> Result<()>;
 }
 
 /// Frames whose samples a frame borrows, itself included, in ascending order; `step` is the

@@ -36,10 +36,10 @@
 use glam::Vec3A;
 use rayon::prelude::*;
 
-use super::{Estimator, Sharing, View, film_rows};
+use super::{Canvas, Estimator, Sharing, View, film_rows};
 use crate::contract::{Recheck, Settings};
 use crate::error::Result;
-use crate::film::{Film, Region};
+use crate::film::Region;
 use crate::math::Ray;
 use crate::math::cone::overlap_fast;
 use crate::path::{Bounces, Continuation};
@@ -124,9 +124,10 @@ impl Estimator for Paper {
         view: &View,
         iteration: u32,
         memory: &mut RecordBuffer,
-        film: Option<&mut Film>,
+        canvas: Option<Canvas<()>>,
     ) -> Result<()> {
         let width = view.region.width;
+        let film = canvas.map(|canvas| canvas.film);
         let rows = film_rows(film, view.region).zip(memory.rows_mut());
         view.for_rows(rows, |y, (mut film, mut records)| {
             for x in 0..width {
@@ -145,11 +146,11 @@ impl Estimator for Paper {
     }
 
     /// Pass 2 of section 4.3.
-    fn share(&self, sharing: &Sharing<RecordBuffer>, (): &mut (), film: &mut Film) -> Result<()> {
+    fn share(&self, sharing: &Sharing<RecordBuffer>, canvas: Canvas<()>) -> Result<()> {
         let (view, iteration) = (sharing.view(), sharing.iteration);
         let lenders = sharing.lenders.iter();
         let lenders: Vec<&RecordBuffer> = lenders.map(|&index| &sharing.memories[index]).collect();
-        view.for_rows(film.rows_mut(), |y, mut row| {
+        view.for_rows(canvas.film.rows_mut(), |y, mut row| {
             for x in 0..row.width() {
                 let shot = view.shoot(x, y, iteration | SECOND_PASS);
                 let mut pixel = row.pixel(x);

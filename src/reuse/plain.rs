@@ -6,10 +6,10 @@
 
 use glam::Vec3A;
 
-use super::{Estimator, Sharing, View};
+use super::{Canvas, Estimator, Sharing, View};
 use crate::contract::Settings;
 use crate::error::Result;
-use crate::film::{Film, Pixel, Region};
+use crate::film::{Pixel, Region};
 use crate::passes;
 use crate::path::{Bounces, Divided};
 
@@ -44,9 +44,11 @@ impl Estimator for Plain {
         view: &View,
         iteration: u32,
         (): &mut (),
-        film: Option<&mut Film>,
+        canvas: Option<Canvas<()>>,
     ) -> Result<()> {
-        let Some(film) = film else { return Ok(()) };
+        let Some(Canvas { film, .. }) = canvas else {
+            return Ok(());
+        };
         view.for_rows(film.rows_mut(), |y, mut row| {
             for x in 0..row.width() {
                 self.sample_pixel(view, x, y, iteration, row.pixel(x));
@@ -54,7 +56,7 @@ impl Estimator for Plain {
         })
     }
 
-    fn share(&self, _: &Sharing<()>, (): &mut (), _: &mut Film) -> Result<()> {
+    fn share(&self, _: &Sharing<()>, _: Canvas<()>) -> Result<()> {
         Ok(())
     }
 }

@@ -239,6 +239,73 @@ fn threads_and_the_split_of_a_range_change_no_bit() {
     }
 }
 
+/// The passes Combined and Borrowing of each target, and the number of rays.
+fn borrowing(shoot: &Shoot, targets: &[i32]) -> (Vec<[Vec<f32>; 2]>, u64) {
+    let progress = Progress::default();
+    let rendered = crate::render::render(&shoot.job(targets), &progress).unwrap();
+    let passes = |rendered: &crate::render::Rendered| {
+        ["Combined", "Borrowing"].map(|name| {
+            let pass = rendered.passes.iter().find(|pass| pass.0 == name);
+            pass.unwrap().1.clone()
+        })
+    };
+    (rendered.iter().map(passes).collect(), progress.rays())
+}
+
+/// Once frames have chosen from where they borrow, samples that nobody reads are left out. Those that
+/// only another frame of the range reads must not show.
+#[test]
+fn what_is_left_out_changes_no_bit() {
+    let frames: Vec<_> = (0..=4).map(yard).collect();
+    let mut shoot = shoot(&frames, settings(Method::DualCone));
+    shoot.settings.samples = 6;
+    shoot.size = 64;
+    let (together, _) = borrowing(&shoot, &[1, 2, 3]);
+    let (first, one_frame) = borrowing(&shoot, &[1]);
+    let (rest, _) = borrowing(&shoot, &[2, 3]);
+    assert!(together == [first, rest].concat());
+    let (from, pixels) = (&together[0][1], together[0][1].len() as f32);
+    let share = |way: f32| from.iter().filter(|&&from| from == way).count() as f32 / pixels;
+    assert!(share(1.0) > 0.1 && share(1.0) < 0.9, "{}", share(1.0));
+    shoot.settings.window = 1;
+    let (_, alone) = borrowing(&shoot, &[1]);
+    let ratio = one_frame as f32 / alone as f32;
+    assert!(ratio > 1.1 && ratio < 2.2, "{ratio}");
+}
+
+/// Pixels that borrow nothing are what path tracing makes of them, not path tracing without its light
+/// samples of the sky. They choose so after two iterations.
+#[test]
+fn a_pixel_that_borrows_nothing_is_path_tracing() {
+    let frames: Vec<_> = (0..=2).map(yard).collect();
+    let mut shoot = shoot(&frames, settings(Method::DualCone));
+    // Russian roulette, which comes later, counts in what the pixel does with what it lends.
+    shoot.settings.max_bounces = 2;
+    shoot.size = 64;
+    let mut sums = |method, samples: u32| {
+        shoot.settings.method = method;
+        shoot.settings.samples = samples;
+        let (mut passes, _) = borrowing(&shoot, &[1]);
+        let [combined, from] = passes.remove(0);
+        let sums = combined.into_iter().map(|mean| mean * samples as f32);
+        (sums.collect::<Vec<_>>(), from)
+    };
+    let (pilot, from) = sums(Method::DualCone, 2);
+    let (all, _) = sums(Method::DualCone, 8);
+    let path = [2, 8].map(|samples| sums(Method::Path, samples).0);
+    let alone: Vec<usize> = (0..from.len())
+        .filter(|&pixel| from[pixel] == 0.0)
+        .collect();
+    assert!(alone.len() > 200, "{}", alone.len());
+    for at in alone.into_iter().map(|pixel| 4 * pixel) {
+        let (ours, theirs) = (all[at] - pilot[at], path[1][at] - path[0][at]);
+        assert!(
+            (ours - theirs).abs() < 1e-4 * (1.0 + theirs),
+            "{ours}, {theirs}"
+        );
+    }
+}
+
 /// At 16 samples the kernels have their full size; what they blur here stays below 1 %.
 #[test]
 fn sharing_keeps_the_energy_of_path_tracing() {

@@ -1,13 +1,17 @@
 //! The second pass: eight neighbours at a time.
+//!
+//! No vector goes through a closure or a method of arrays here: those are compiled without the
+//! vectors' instruction set where the compiler does not inline them.
 
 use glam::Vec3A;
 
 use super::Memory;
 use super::gloss::{Gloss, LEAST_ALPHA, Lobe, Share};
+use super::reads::Reads;
 use super::records::{
     COSINE_LIMIT, Class, LENT_CLASSES, Light, Neighbours, TAN_BETA, UNIT, column, wide_column,
 };
-use super::veto::{Lending, Pilot};
+use super::veto::{Lending, Pilot, ProbeRow};
 use crate::film::{Extra, FilmRow, Pixel};
 use crate::kernel::vector::{LANES, Vector, Work, run_on_vectors};
 use crate::math::luminance;
@@ -70,6 +74,8 @@ pub struct Borrow<'a> {
     pub sharing: &'a Sharing<'a, Memory>,
     /// Per lender and object: what carries the target's points to the lender.
     pub motions: &'a [Vec<Motion>],
+    /// Which records of the lenders it reads.
+    pub reads: &'a Reads,
     /// Classes that the frame's light may be of.
     pub classes: [bool; LENT_CLASSES],
     pub half_block: usize,
@@ -81,7 +87,7 @@ pub struct Borrow<'a> {
 }
 
 /// What a pixel looks for in its neighbours.
-struct Block {
+pub struct Block {
     position: Vec3A,
     /// The shading normal of the Lambert part: light is gathered about it.
     normal: Vec3A,
@@ -98,11 +104,11 @@ struct Block {
 }
 
 /// Where a block lies in a lender.
-struct Place {
+pub struct Place {
     position: Vec3A,
     /// Lower left pixel of the block.
-    x: i64,
-    y: i64,
+    pub x: i64,
+    pub y: i64,
     /// Whether only records of the block's object are valid.
     is_of_object: bool,
 }
@@ -111,8 +117,19 @@ struct Place {
 pub enum Notes<'a> {
     /// From where each pixel borrows; how far that is from its own light is noted.
     Choice(&'a [Lending], &'a mut [f32]),
-    /// All borrow from the window, and what they get by each way is noted.
+    /// All borrow from the window, and what probes have by each way is noted.
     Pilot(&'a mut [Pilot]),
+}
+
+/// What a pixel gets, as luminance.
+#[derive(Clone, Copy, Default)]
+struct Got {
+    /// From everywhere it borrows.
+    borrowed: f32,
+    /// From its frame alone.
+    frame: f32,
+    /// By its own gather ray alone.
+    own: f32,
 }
 
 /// One row of pixels that borrow; what they get is divided for passes where some are `DIVIDED`.
@@ -120,6 +137,7 @@ struct BorrowRow<'a, const DIVIDED: bool> {
     borrow: &'a Borrow<'a>,
     y: usize,
     row: FilmRow<'a>,
+    probes: ProbeRow<'a>,
     notes: Notes<'a>,
 }
 
@@ -133,22 +151,27 @@ impl<const DIVIDED: bool> Work for BorrowRow<'_, DIVIDED> {
                 Notes::Choice(lending, _) => lending[x],
                 Notes::Pilot(_) => Lending::Window,
             };
+            if lending == Lending::None {
+                continue;
+            }
             let mut pixel = self.row.pixel(x);
-            let before = pixel.sums.luminance();
             let got = self
                 .borrow
                 .add_pixel::<V, DIVIDED>(x, self.y, lending, &mut pixel);
-            match &mut self.notes {
-                Notes::Pilot(pilot) => {
+            if let Some(excess) = self.probes.at(x) {
+                excess.frame += got.frame - got.borrowed;
+                excess.own -= got.borrowed;
+                if let Notes::Pilot(pilot) = &mut self.notes {
+                    let window = pixel.sums.luminance();
                     pilot[x] = Pilot {
-                        window: pixel.sums.luminance(),
-                        frame: before + got.frame,
-                        own: before + got.own,
+                        window,
+                        frame: window + excess.frame,
+                        own: window + excess.own,
                     }
                 }
-                Notes::Choice(_, drift) => {
-                    drift[x] += got.own - got.window;
-                }
+            }
+            if let Notes::Choice(_, drift) = &mut self.notes {
+                drift[x] += got.own - got.borrowed;
             }
         }
     }
@@ -156,25 +179,31 @@ impl<const DIVIDED: bool> Work for BorrowRow<'_, DIVIDED> {
 
 impl Borrow<'_> {
     /// Adds what the pixels of row `y` borrow.
-    pub fn add_row(&self, y: usize, row: FilmRow, notes: Notes) {
+    pub fn add_row(&self, y: usize, row: FilmRow, probes: ProbeRow, notes: Notes) {
         if passes::wants_scattered(row.layout()) {
-            self.add_row_divided::<true>(y, row, notes);
+            self.add_row_divided::<true>(y, row, probes, notes);
         } else {
-            self.add_row_divided::<false>(y, row, notes);
+            self.add_row_divided::<false>(y, row, probes, notes);
         }
     }
 
-    fn add_row_divided<const DIVIDED: bool>(&self, y: usize, row: FilmRow, notes: Notes) {
+    fn add_row_divided<const DIVIDED: bool>(
+        &self,
+        y: usize,
+        row: FilmRow,
+        probes: ProbeRow,
+        notes: Notes,
+    ) {
         run_on_vectors(BorrowRow::<DIVIDED> {
             borrow: self,
             y,
             row,
+            probes,
             notes,
         });
     }
 
-    /// Adds what a pixel gets from there; returns its luminance as the window's, and that which the
-    /// pixel would have got by its own sample and by those of its frame.
+    /// Adds what a pixel gets from there; returns it, and what it would have got otherwise.
     #[inline(always)]
     fn add_pixel<V: Vector, const DIVIDED: bool>(
         &self,
@@ -182,45 +211,32 @@ impl Borrow<'_> {
         y: usize,
         lending: Lending,
         pixel: &mut Pixel,
-    ) -> Pilot {
+    ) -> Got {
         let Some(block) = self.block(x, y) else {
-            return Pilot::default();
+            return Got::default();
         };
         let albedo = self.receiver(x, y).albedo.color();
-        let reflected = |sums: &Sums<V, DIVIDED>| albedo * sums.irradiance() + sums.gloss();
         let mut wanted = Wanted::<V>::new(&block);
-        let own_sums = self.own(&wanted, x, y);
-        let own = reflected(&own_sums);
-        if lending == Lending::None {
-            own_sums.divide(albedo, &mut pixel.extra);
-            pixel.sums.add_radiance(own);
-            pixel.sums.add_effective_samples(1.0);
-            let own = luminance(own);
-            return Pilot {
-                window: own,
-                frame: own,
-                own,
-            };
-        }
+        let own = self.own::<V, DIVIDED>(&wanted, x, y).reflected(albedo);
         let mut sums = Sums::<V, DIVIDED>::new();
         let is_own = |lender: &usize| self.sharing.lenders[*lender] == self.sharing.target;
         for lender in (0..self.sharing.lenders.len()).filter(is_own) {
             self.add_lender(&block, lender, x, y, &mut wanted, &mut sums);
         }
-        let frame = reflected(&sums);
+        let frame = sums.reflected(albedo);
         if lending == Lending::Window {
             for lender in (0..self.sharing.lenders.len()).filter(|lender| !is_own(lender)) {
                 self.add_lender(&block, lender, x, y, &mut wanted, &mut sums);
             }
         }
         sums.divide(albedo, &mut pixel.extra);
-        let borrowed = reflected(&sums);
+        let borrowed = sums.reflected(albedo);
         pixel.sums.add_radiance(borrowed);
         pixel
             .sums
             .add_effective_samples(sums.effective_samples(self.classes));
-        Pilot {
-            window: luminance(borrowed),
+        Got {
+            borrowed: luminance(borrowed),
             frame: luminance(frame),
             own: luminance(own),
         }
@@ -251,7 +267,7 @@ impl Borrow<'_> {
     }
 
     /// The block around a pixel, or `None` where it shows no surface.
-    fn block(&self, x: usize, y: usize) -> Option<Block> {
+    pub fn block(&self, x: usize, y: usize) -> Option<Block> {
         let memory = &self.sharing.memories[self.sharing.target];
         let (wide, narrow) = memory.records.rows(y);
         let normal = [0, 1, 2].map(|axis| narrow.get(column::NORMAL + axis, x));
@@ -289,7 +305,7 @@ impl Borrow<'_> {
     /// Where the block lies in a lender: the same pixel in the target itself; elsewhere around the
     /// projection of the point, which moves with its object. Records keep their directions: where the
     /// object has turned too far, their normals say that they looked elsewhere.
-    fn place(&self, block: &Block, lender: usize, x: usize, y: usize) -> Option<Place> {
+    pub fn place(&self, block: &Block, lender: usize, x: usize, y: usize) -> Option<Place> {
         let half = self.half_block as i64;
         let frame = self.sharing.lenders[lender];
         if frame == self.sharing.target {
@@ -341,8 +357,12 @@ impl Borrow<'_> {
             return;
         };
         let side = 2 * self.half_block + 1;
-        wanted.move_to(block, &place);
         let frame = self.sharing.lenders[lender];
+        let is_own = frame == self.sharing.target;
+        if !is_own && !self.reads.includes(frame, place.x, place.y, side as i64) {
+            return;
+        }
+        wanted.move_to(block, &place);
         let classes = self.classes_from(frame);
         let height = self.sharing.views[frame].region.height as i64;
         let first = place.y.clamp(0, height);
@@ -390,23 +410,30 @@ impl<V: Vector> Wanted<V> {
             normal: splats(block.normal / UNIT),
             object: None,
             distance_squared: V::splat(block.distance_squared),
-            inverse_radius_squared: block.inverse_radius_squared.map(V::splat),
-            lobe: (block.gloss.is_some())
-                .then(|| Lobe::new(&block.gloss, block.normal, block.wo, block.gloss_radius)),
+            inverse_radius_squared: splats(Vec3A::from(block.inverse_radius_squared)),
+            lobe: match block.gloss.is_some() {
+                true => Some(Lobe::new(
+                    &block.gloss,
+                    block.normal,
+                    block.wo,
+                    block.gloss_radius,
+                )),
+                false => None,
+            },
         }
     }
 
     #[inline(always)]
     fn move_to(&mut self, block: &Block, place: &Place) {
         self.position = splats(place.position);
-        self.object = place.is_of_object.then(|| V::splat(block.object));
+        self.object = place.is_of_object.then_some(V::splat(block.object));
     }
 }
 
 /// A vector in every lane.
 #[inline(always)]
 pub fn splats<V: Vector>(vector: Vec3A) -> [V; 3] {
-    vector.to_array().map(V::splat)
+    [V::splat(vector.x), V::splat(vector.y), V::splat(vector.z)]
 }
 
 /// The part of a uniform sky's irradiance that records of a neighbour bring whose normal has this
@@ -432,10 +459,10 @@ fn widest(classes: [bool; LENT_CLASSES]) -> Option<usize> {
 
 /// A weighted mean of colours; black without weight.
 #[inline(always)]
-fn mean<V: Vector>(weight: V, value: [V; 3]) -> Vec3A {
+fn mean<V: Vector>(weight: V, [x, y, z]: &[V; 3]) -> Vec3A {
     let weight = weight.sum();
     if weight > 0.0 {
-        Vec3A::from_array(value.map(V::sum)) / weight
+        Vec3A::new(x.sum(), y.sum(), z.sum()) / weight
     } else {
         Vec3A::ZERO
     }
@@ -480,7 +507,11 @@ impl<V: Vector, const DIVIDED: bool> Sums<V, DIVIDED> {
         let Some((position, normal)) = neighbours.place() else {
             return;
         };
-        let offset = std::array::from_fn(|axis| position[axis] - wanted.position[axis]);
+        let offset = [
+            position[0] - wanted.position[0],
+            position[1] - wanted.position[1],
+            position[2] - wanted.position[2],
+        ];
         let distance_squared = dot(offset, offset);
         let turned = dot(normal, wanted.normal);
         let mut valid = distance_squared.at_most(wanted.distance_squared)
@@ -535,31 +566,38 @@ impl<V: Vector, const DIVIDED: bool> Sums<V, DIVIDED> {
             return;
         }
         let reflected = lobe.reflected(light.direction);
-        let values = reflected.into_iter().zip(light.value);
-        for (sum, (reflected, value)) in self.gloss_value.iter_mut().zip(values) {
-            *sum = *sum + weight * reflected * value;
-        }
+        let [r, g, b] = &mut self.gloss_value;
+        *r = *r + weight * reflected[0] * red;
+        *g = *g + weight * reflected[1] * green;
+        *b = *b + weight * reflected[2] * blue;
         if DIVIDED {
             let indirect = V::splat(Class::Indirect as i16 as f32);
             let weight = weight & light.class.equals(indirect);
-            for (axis, sum) in self.gloss_indirect.iter_mut().enumerate() {
-                *sum = *sum + weight * reflected[axis] * light.value[axis];
-            }
+            let [r, g, b] = &mut self.gloss_indirect;
+            *r = *r + weight * reflected[0] * red;
+            *g = *g + weight * reflected[1] * green;
+            *b = *b + weight * reflected[2] * blue;
         }
+    }
+
+    /// Radiance that both closures reflect.
+    #[inline(always)]
+    fn reflected(&self, albedo: Vec3A) -> Vec3A {
+        albedo * self.irradiance() + self.gloss()
     }
 
     /// Radiance that the glossy closure reflects.
     #[inline(always)]
     fn gloss(&self) -> Vec3A {
-        mean(self.gloss_weight, self.gloss_value)
+        mean(self.gloss_weight, &self.gloss_value)
     }
 
     /// Irradiance over pi: the classes' weighted means, added up.
     #[inline(always)]
     fn irradiance(&self) -> Vec3A {
         let mut irradiance = Vec3A::ZERO;
-        for (weight, value) in self.weight.iter().zip(&self.value) {
-            irradiance += mean(*weight, *value);
+        for class in 0..LENT_CLASSES {
+            irradiance += mean(self.weight[class], &self.value[class]);
         }
         irradiance
     }
@@ -571,8 +609,8 @@ impl<V: Vector, const DIVIDED: bool> Sums<V, DIVIDED> {
             return;
         }
         let class = Class::Indirect as usize;
-        let irradiance = mean(self.weight[class], self.value[class]);
-        let gloss = mean(self.gloss_weight, self.gloss_indirect);
+        let irradiance = mean(self.weight[class], &self.value[class]);
+        let gloss = mean(self.gloss_weight, &self.gloss_indirect);
         let zero = Vec3A::ZERO;
         let light = Divided {
             direct: [
@@ -588,7 +626,10 @@ impl<V: Vector, const DIVIDED: bool> Sums<V, DIVIDED> {
     /// Samples of equal weight that would be as good, for the widest class.
     #[inline(always)]
     fn effective_samples(&self, classes: [bool; LENT_CLASSES]) -> f32 {
-        let sum = widest(classes).map_or(0.0, |class| self.weight[class].sum());
+        let sum = match widest(classes) {
+            Some(class) => self.weight[class].sum(),
+            None => 0.0,
+        };
         let squares = self.weight_squared.sum();
         if squares > 0.0 {
             sum * sum / squares

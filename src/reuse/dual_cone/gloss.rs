@@ -158,7 +158,10 @@ impl<V: Vector> Lobe<V> {
             cos_wo: V::splat(cos_wo),
             alpha_squared: V::splat(alpha * alpha),
             width_wo: V::splat((1.0 + alpha * alpha * tan_squared).sqrt()),
-            ior: (ior > 0.0).then(|| Dielectric::new(ior)),
+            ior: match ior > 0.0 {
+                true => Some(Dielectric::new(ior)),
+                false => None,
+            },
             f0: splats(f0),
             rise: splats(f90 - f0),
             inverse_radius_squared: V::splat(1.0 / (rho * rho)),
@@ -197,7 +200,11 @@ impl<V: Vector> Lobe<V> {
                 rest * (rest * rest) * (rest * rest)
             }
         };
-        [0, 1, 2].map(|c| (self.f0[c] + self.rise[c] * curve) * shape)
+        [
+            (self.f0[0] + self.rise[0] * curve) * shape,
+            (self.f0[1] + self.rise[1] * curve) * shape,
+            (self.f0[2] + self.rise[2] * curve) * shape,
+        ]
     }
 }
 

@@ -21,18 +21,22 @@
 mod borrow;
 mod drift;
 mod gloss;
+mod reads;
 mod records;
 mod sample;
+mod tiles;
 mod veto;
 
 use rayon::prelude::*;
 
 use self::borrow::{Borrow, Notes, Receiver, kernel_floor};
 use self::drift::Drift;
+use self::reads::{Reads, either};
 use self::records::{Class, LENT_CLASSES, Records};
 use self::sample::Pass;
-use self::veto::{Costs, Lending, PILOT_ITERATIONS, Pilot};
-use super::{Estimator, Sharing, View, film_rows};
+use self::tiles::Tiles;
+use self::veto::{Costs, Lending, PILOT_ITERATIONS, Pilot, ProbeRow, Trials};
+use super::{Canvas, Estimator, Sharing, View, film_rows};
 use crate::contract::{Settings, Share};
 use crate::error::Result;
 use crate::film::{Film, Region};
@@ -61,6 +65,8 @@ pub struct Memory {
     reach: Vec<Reach>,
     /// R of each pixel [m].
     distances: Vec<f32>,
+    /// The tiles whose records are read; all without.
+    read: Option<Tiles<bool>>,
 }
 
 /// What a frame that borrows keeps between iterations.
@@ -69,8 +75,14 @@ pub struct History {
     lending: Vec<Lending>,
     /// What the first iteration brought, until it is judged.
     pilot: Vec<Pilot>,
+    /// Rays of the pilot iterations.
+    pilot_rays: u64,
     /// How far what pixels borrow is from what they find themselves.
     drift: Drift,
+    /// How pixels would fare alone.
+    trials: Trials,
+    /// Which records it reads.
+    reads: Reads,
 }
 
 /// Sums towards the harmonic mean of a pixel's hit distances.
@@ -120,6 +132,7 @@ impl Estimator for DualCone {
             receivers: vec![Receiver::default(); pixels],
             reach: vec![Reach::default(); pixels],
             distances: vec![0.0; pixels],
+            read: None,
         }
     }
 
@@ -134,7 +147,10 @@ impl Estimator for DualCone {
         History {
             lending: vec![Lending::Window; region.width * region.height],
             pilot: Vec::new(),
+            pilot_rays: 0,
             drift: Drift::new(region),
+            trials: Trials::new(region),
+            reads: Reads::default(),
         }
     }
 
@@ -142,6 +158,8 @@ impl Estimator for DualCone {
         size_of_val(&history.lending[..])
             + size_of_val(&history.pilot[..])
             + history.drift.memory_bytes()
+            + history.trials.memory_bytes()
+            + history.reads.memory_bytes()
     }
 
     fn borrowing(&self, history: &History, _: Region) -> Vec<f32> {
@@ -149,97 +167,164 @@ impl Estimator for DualCone {
         history.lending.iter().map(share).collect()
     }
 
+    fn expect(&self, memory: &mut Memory, frame: usize, readers: &[&History]) {
+        let mut read = readers.iter().map(|reader| reader.reads.tiles(frame));
+        let first = read.next().flatten().cloned();
+        memory.read = read.fold(first, |all, more| Some(either(all?, more?)));
+    }
+
     fn sample(
         &self,
         view: &View,
         iteration: u32,
         memory: &mut Memory,
-        film: Option<&mut Film>,
+        canvas: Option<Canvas<History>>,
     ) -> Result<()> {
         let pass = Pass::new(view, iteration);
         let width = view.region.width;
+        let (film, mut history) = match canvas {
+            Some(Canvas { film, history }) => (Some(film), Some(history)),
+            None => (None, None),
+        };
+        let notes = own_rows(history.as_deref_mut(), view.region);
         let receivers = memory.receivers.par_chunks_mut(width);
         let reach = memory.reach.par_chunks_mut(width);
         let rows = film_rows(film, view.region)
+            .zip(notes)
             .zip(memory.records.rows_mut())
-            .zip(receivers)
-            .zip(reach);
-        view.for_rows(rows, |y, (((mut film, mut records), receivers), reach)| {
-            for x in 0..width {
-                let pixel = film.as_mut().map(|row| row.pixel(x));
-                let sample = pass.sample_pixel(x, y, pixel);
-                sample.record.write(&mut records, x);
-                receivers[x] = sample.receiver;
-                if iteration < REACH_ITERATIONS
-                    && let Some(distance) = sample.distance
-                {
-                    reach[x].add(distance);
+            .zip(receivers.zip(reach));
+        let read = memory.read.as_ref();
+        let lends = |x, y| read.is_none_or(|tiles| tiles.get(tiles.at(x, y)));
+        let rays = view.count_rays(
+            rows,
+            |y, (((mut film, mut notes), mut records), (receivers, reach))| {
+                for x in 0..width {
+                    let lends = lends(x, y);
+                    let pixel = film.as_mut().map(|row| row.pixel(x));
+                    let own = pixel.zip(notes.as_ref());
+                    let own = own.map(|(pixel, notes)| (pixel, notes.lending[x]));
+                    let sample = pass.sample_pixel(x, y, lends, own);
+                    if let Some(excess) = notes.as_mut().and_then(|notes| notes.probes.at(x)) {
+                        excess.own += sample.excess;
+                    }
+                    if lends {
+                        sample.record.write(&mut records, x);
+                        receivers[x] = sample.receiver;
+                    }
+                    if iteration < REACH_ITERATIONS
+                        && let Some(distance) = sample.distance
+                    {
+                        reach[x].add(distance);
+                    }
                 }
-            }
-        })?;
+            },
+        )?;
+        if let Some(history) = history
+            && iteration < PILOT_ITERATIONS
+        {
+            history.pilot_rays += rays;
+        }
         if iteration < REACH_ITERATIONS {
             pool_distances(view, memory);
         }
         Ok(())
     }
 
-    fn share(
-        &self,
-        sharing: &Sharing<Memory>,
-        history: &mut History,
-        film: &mut Film,
-    ) -> Result<()> {
+    fn share(&self, sharing: &Sharing<Memory>, canvas: Canvas<History>) -> Result<()> {
+        let Canvas { film, history } = canvas;
         let view = sharing.view();
         let lenders = sharing.lenders.iter();
         let motions: Vec<Vec<Motion>> = lenders
             .map(|&lender| view.window.motions(sharing.target, lender))
             .collect();
+        let reads = std::mem::take(&mut history.reads);
         let borrow = Borrow {
             sharing,
             motions: &motions,
+            reads: &reads,
             classes: lent_classes(view),
             half_block: self.half_block,
             is_one_to_one: self.is_one_to_one,
             kernel_floor: kernel_floor(sharing.iteration),
         };
-        if sharing.iteration < PILOT_ITERATIONS {
-            let pilot = share_all_ways(&borrow, film)?;
+        let iterations = sharing.iteration + 1;
+        if iterations <= PILOT_ITERATIONS {
+            let pilot = share_all_ways(&borrow, history, film)?;
             self.choose(&borrow, pilot, history);
         } else {
             share_as_chosen(&borrow, history, film)?;
-            let (drift, lending) = (&mut history.drift, &mut history.lending);
-            drift.look(view.region, sharing.iteration + 1, lending);
+            let lending = &mut history.lending;
+            history.drift.look(view.region, iterations, lending);
         }
+        let costs = self.costs(&borrow, history);
+        history
+            .trials
+            .look(film, iterations, costs, &mut history.lending);
+        let may_have_changed = iterations >= PILOT_ITERATIONS && iterations.is_power_of_two();
+        history.reads = match may_have_changed {
+            true => Reads::of(&borrow, &history.lending),
+            false => reads,
+        };
         Ok(())
     }
 }
 
+/// What the first pass notes of a row of pixels that are rendered.
+struct OwnRow<'a> {
+    lending: &'a [Lending],
+    probes: ProbeRow<'a>,
+}
+
+/// The rows of a frame that is rendered, or none for each row of one that is not.
+fn own_rows(
+    history: Option<&mut History>,
+    region: Region,
+) -> impl IndexedParallelIterator<Item = Option<OwnRow<'_>>> {
+    let rows: Vec<_> = match history {
+        Some(history) => {
+            let lending = history.lending.par_chunks(region.width);
+            let rows = lending.zip(history.trials.rows_mut());
+            rows.map(|(lending, probes)| Some(OwnRow { lending, probes }))
+                .collect()
+        }
+        None => (0..region.height).map(|_| None).collect(),
+    };
+    rows.into_par_iter()
+}
+
 impl DualCone {
+    fn costs(&self, borrow: &Borrow, history: &History) -> Costs {
+        let records = (2 * self.half_block + 1).pow(2);
+        let samples = history.lending.len() as f32 * PILOT_ITERATIONS as f32;
+        let rays = history.pilot_rays as f32 / samples;
+        let together = borrow.sharing.view().tracer.settings.frames_together;
+        Costs::new(records, borrow.sharing.lenders.len(), rays, together)
+    }
+
     /// Once both pilot iterations are there, chooses from where pixels go on borrowing.
     fn choose(&self, borrow: &Borrow, pilot: Vec<Pilot>, history: &mut History) {
         if history.pilot.is_empty() {
             history.pilot = pilot;
             return;
         }
-        let view = borrow.sharing.view();
         let first = std::mem::take(&mut history.pilot);
         let both = pilot.iter().zip(&first);
-        let second: Vec<Pilot> = both.map(|(sum, first)| sum.less(first.window)).collect();
-        let records = (2 * self.half_block + 1).pow(2);
-        let lenders = borrow.sharing.lenders.len();
-        let costs = Costs::new(records, lenders, lends_indirect(view));
-        history.lending = veto::choose(view.region, &first, &second, costs);
+        let second: Vec<Pilot> = both.map(|(sum, first)| sum.less(*first)).collect();
+        let region = borrow.sharing.view().region;
+        let costs = self.costs(borrow, history);
+        history.lending = veto::choose(region, &first, &second, costs);
     }
 }
 
 /// Every pixel borrows; returns what each has then, and what it would have otherwise.
-fn share_all_ways(borrow: &Borrow, film: &mut Film) -> Result<Vec<Pilot>> {
+fn share_all_ways(borrow: &Borrow, history: &mut History, film: &mut Film) -> Result<Vec<Pilot>> {
     let view = borrow.sharing.view();
     let Region { width, height, .. } = view.region;
     let mut pilot = vec![Pilot::default(); width * height];
-    let rows = film.rows_mut().zip(pilot.par_chunks_mut(width));
-    view.for_rows(rows, |y, (pixels, pilot)| {
-        borrow.add_row(y, pixels, Notes::Pilot(pilot));
+    let probes = history.trials.rows_mut();
+    let rows = film.rows_mut().zip(probes).zip(pilot.par_chunks_mut(width));
+    view.for_rows(rows, |y, ((pixels, probes), pilot)| {
+        borrow.add_row(y, pixels, probes, Notes::Pilot(pilot));
     })?;
     Ok(pilot)
 }
@@ -250,9 +335,10 @@ fn share_as_chosen(borrow: &Borrow, history: &mut History, film: &mut Film) -> R
     let width = view.region.width;
     let choices = history.lending.par_chunks(width);
     let sums = history.drift.sums.par_chunks_mut(width);
-    let rows = film.rows_mut().zip(choices).zip(sums);
-    view.for_rows(rows, |y, ((pixels, choice), drift)| {
-        borrow.add_row(y, pixels, Notes::Choice(choice, drift));
+    let probes = history.trials.rows_mut();
+    let rows = film.rows_mut().zip(probes).zip(choices.zip(sums));
+    view.for_rows(rows, |y, ((pixels, probes), (choice, drift))| {
+        borrow.add_row(y, pixels, probes, Notes::Choice(choice, drift));
     })
 }
 

@@ -186,32 +186,41 @@ impl<'a> Neighbours<'a> {
     /// Positions, and normals in units of 1 / [`UNIT`]; `None` beyond the padding.
     #[inline(always)]
     pub fn place<V: Vector>(&self) -> Option<([V; 3], [V; 3])> {
-        let position = |axis| {
-            Some(V::load(
-                self.wide.lanes(wide_column::POSITION + axis, self.x)?,
-            ))
-        };
-        let position = [position(0)?, position(1)?, position(2)?];
+        let position = [
+            self.number(wide_column::POSITION)?,
+            self.number(wide_column::POSITION + 1)?,
+            self.number(wide_column::POSITION + 2)?,
+        ];
         Some((position, self.whole_numbers(column::NORMAL)?))
     }
 
     #[inline(always)]
     pub fn object<V: Vector>(&self) -> Option<V> {
-        Some(V::load(self.wide.lanes(wide_column::OBJECT, self.x)?))
+        self.number(wide_column::OBJECT)
     }
 
     #[inline(always)]
     pub fn light<V: Vector>(&self) -> Option<Light<V>> {
-        let value = |axis| {
-            let halves = self.narrow.lanes(column::VALUE + axis, self.x)?;
-            Some(V::load_upper_halves(halves))
-        };
         Some(Light {
             direction: self.whole_numbers(column::DIRECTION)?,
-            value: [value(0)?, value(1)?, value(2)?],
+            value: [
+                self.upper_half(column::VALUE)?,
+                self.upper_half(column::VALUE + 1)?,
+                self.upper_half(column::VALUE + 2)?,
+            ],
             cosine: self.whole_number::<V>(column::COSINE)? * V::splat(1.0 / UNIT),
             class: self.whole_number(column::CLASS)?,
         })
+    }
+
+    #[inline(always)]
+    fn number<V: Vector>(&self, column: usize) -> Option<V> {
+        Some(V::load(self.wide.lanes(column, self.x)?))
+    }
+
+    #[inline(always)]
+    fn upper_half<V: Vector>(&self, column: usize) -> Option<V> {
+        Some(V::load_upper_halves(self.narrow.lanes(column, self.x)?))
     }
 
     #[inline(always)]
@@ -221,7 +230,10 @@ impl<'a> Neighbours<'a> {
 
     #[inline(always)]
     fn whole_numbers<V: Vector>(&self, first: usize) -> Option<[V; 3]> {
-        let number = |axis| self.whole_number(first + axis);
-        Some([number(0)?, number(1)?, number(2)?])
+        Some([
+            self.whole_number(first)?,
+            self.whole_number(first + 1)?,
+            self.whole_number(first + 2)?,
+        ])
     }
 }

@@ -1,28 +1,42 @@
-//! From where a pixel borrows: decided tile by tile after two pilot iterations, which render each
-//! pixel by the whole window's samples, by its frame's, and by its own.
+//! From where a pixel borrows: decided tile by tile. Two pilot iterations render each pixel by the
+//! whole window's samples and by its frame's, and some pixels also alone, as path tracing would. Later,
+//! each time the iterations have doubled, those pixels say whether path tracing has overtaken: its
+//! stratified samples may converge faster than shared ones.
 //!
 //! With V the variance of a pixel and c its cost, the way with the least V c is the best one. Variances
-//! are those of two iterations, relative to the tile's brightness and not clamped: clamped ones make noisy
+//! are those of two runs, relative to the tile's brightness and not clamped: clamped ones make noisy
 //! tiles look alike, and to borrow too little is far dearer than to borrow too much. So a tile turns
-//! away from the whole window only where that gains more than twice the gain's standard error. Costs
+//! away from what it does only where that gains more than twice the gain's standard error. Costs
 //! are counted, not clocked, so that a picture does not depend on the machine.
 //!
 //! The decision is smooth: gains are averaged over neighbouring tiles and interpolated, and every way
 //! renders the same light, so that no seams show.
 
-use crate::film::Region;
+use rayon::prelude::*;
+
+use super::tiles::Tiles;
+use crate::film::{Film, Region};
 
 /// Iterations that render all ways.
 pub const PILOT_ITERATIONS: u32 = 2;
 
-/// Pixels on each side of a tile.
-const TILE: usize = 16;
-/// What a ray costs, in borrowed records.
-const RECORDS_PER_RAY: f32 = 200.0;
-/// What borrowing costs a pixel beside its records.
-const RECORDS_PER_BLOCK: f32 = 30.0;
-/// Standard errors by which another way must gain.
-const SURE: f64 = 2.0;
+/// Iterations before tiles are judged again: the halves of fewer say little.
+const JUDGE_FROM: u32 = 8;
+/// Every so many pixels along rows and columns one is rendered alone as well, in pilot iterations.
+const PILOT_SPACING: usize = 2;
+/// The same later.
+const SPACING: usize = 4;
+/// What a ray costs with the shading where it ends, in borrowed records.
+const RECORDS_PER_RAY: f32 = 160.0;
+/// What borrowing costs a pixel beside its records, what it lends included.
+const RECORDS_PER_BLOCK: f32 = 40.0;
+/// Share of a sample's cost that it has in a frame which only lends: light samples are left out.
+const LENT_SAMPLE: f32 = 0.65;
+/// Standard errors by which another way must gain after the pilot iterations, whose two samples say
+/// little.
+const PILOT_SURE: f64 = 2.0;
+/// The same later.
+const SURE: f64 = 1.0;
 /// Added to a squared luminance, so that dark pixels do not rule.
 const DARK: f32 = 0.01;
 
@@ -38,6 +52,28 @@ pub enum Lending {
     Window,
 }
 
+impl Lending {
+    /// Whether it takes any.
+    pub fn is_some(self) -> bool {
+        self != Lending::None
+    }
+}
+
+/// Whether a pixel that borrows is also rendered alone.
+pub fn is_probe(x: usize, y: usize, iteration: u32) -> bool {
+    let spacing = match iteration {
+        ..PILOT_ITERATIONS => PILOT_SPACING,
+        _ => SPACING,
+    };
+    x.is_multiple_of(spacing) && y.is_multiple_of(spacing)
+}
+
+/// The pixels that are rendered alone as well.
+pub fn probes(region: Region, iteration: u32) -> impl Iterator<Item = usize> {
+    let pixels = 0..region.width * region.height;
+    pixels.filter(move |&pixel| is_probe(pixel % region.width, pixel / region.width, iteration))
+}
+
 /// Luminance of a pixel's sum by each way to take samples.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Pilot {
@@ -45,17 +81,25 @@ pub struct Pilot {
     pub window: f32,
     /// [`Lending::Frame`].
     pub frame: f32,
-    /// [`Lending::None`].
+    /// [`Lending::None`]; of probes alone.
     pub own: f32,
 }
 
 impl Pilot {
-    /// All without what was there before.
-    pub fn less(self, before: f32) -> Self {
+    /// Each way less what it had brought before.
+    pub fn less(self, before: Self) -> Self {
         Self {
-            window: self.window - before,
-            frame: self.frame - before,
-            own: self.own - before,
+            window: self.window - before.window,
+            frame: self.frame - before.frame,
+            own: self.own - before.own,
+        }
+    }
+
+    fn times(self, factor: f32) -> Self {
+        Self {
+            window: self.window * factor,
+            frame: self.frame * factor,
+            own: self.own * factor,
         }
     }
 }
@@ -68,20 +112,36 @@ pub struct Costs {
 }
 
 impl Costs {
-    /// `records` are those of a block in one of `lenders` frames.
-    pub fn new(records: usize, lenders: usize, has_bounces: bool) -> Self {
-        // To the surface, to a lamp, to the sky; and where light bounces, about as many again.
-        let rays = if has_bounces { 6.0 } else { 3.0 };
+    /// `records` are those of a block in one of `lenders` frames, `rays` those that a sample takes.
+    /// Frames are rendered `together`, and the first and the last of them borrow from others.
+    pub fn new(records: usize, lenders: usize, rays: f32, together: u32) -> Self {
         let cost =
             |records: usize| 1.0 + (records as f32 + RECORDS_PER_BLOCK) / (rays * RECORDS_PER_RAY);
+        let lent = lenders.saturating_sub(1) as f32 / together as f32;
         Self {
-            window: cost(records * lenders),
+            window: cost(records * lenders) + LENT_SAMPLE * lent,
             frame: cost(records),
+        }
+    }
+
+    fn of(self, lending: Lending) -> f32 {
+        match lending {
+            Lending::None => 1.0,
+            Lending::Frame => self.frame,
+            Lending::Window => self.window,
         }
     }
 }
 
-/// What a tile's pixels gain by another way than the window.
+/// Two runs of a pixel.
+struct Trial {
+    pixel: usize,
+    runs: [Pilot; 2],
+    /// From where it borrows: what [`Pilot::window`] tells then.
+    lending: Lending,
+}
+
+/// What a tile's pixels gain by another way.
 #[derive(Debug, Clone, Copy, Default)]
 struct Gain {
     count: f64,
@@ -90,144 +150,196 @@ struct Gain {
 }
 
 impl Gain {
-    fn of(gain: f32) -> Self {
+    fn add(&mut self, gain: f32) {
         let gain = f64::from(gain);
-        Self {
-            count: 1.0,
-            sum: gain,
-            squares: gain * gain,
-        }
+        self.count += 1.0;
+        self.sum += gain;
+        self.squares += gain * gain;
     }
 
-    fn add(&mut self, other: &Self) {
-        self.count += other.count;
-        self.sum += other.sum;
-        self.squares += other.squares;
+    fn and(self, other: &Self) -> Self {
+        Self {
+            count: self.count + other.count,
+            sum: self.sum + other.sum,
+            squares: self.squares + other.squares,
+        }
     }
 
     /// The mean, less what chance may have added.
-    fn sure(&self) -> f32 {
+    fn sure(&self, errors: f64) -> f32 {
         let count = self.count.max(1.0);
         let mean = self.sum / count;
         let variance = (self.squares / count - mean * mean).max(0.0);
-        (mean - SURE * (variance / count).sqrt()) as f32
+        (mean - errors * (variance / count).sqrt()) as f32
     }
 }
 
-/// V c of the window less that of the frame and of the pixel alone, over the squared brightness.
-fn gains(first: &Pilot, second: &Pilot, brightness: f32, costs: Costs) -> [f32; 2] {
-    let scale = 0.5 / (brightness * brightness + DARK);
-    let variance = |a: f32, b: f32| (a - b) * (a - b) * scale;
-    let window = variance(first.window, second.window) * costs.window;
-    [
-        window - variance(first.frame, second.frame) * costs.frame,
-        window - variance(first.own, second.own),
-    ]
-}
-
-/// A number for each tile.
-struct Tiles<T> {
-    columns: usize,
-    rows: usize,
-    values: Vec<T>,
-}
-
-/// The tile of each pixel, pixels row by row.
-fn tile_of(region: Region) -> impl Fn(usize) -> usize {
-    let columns = region.width.div_ceil(TILE);
-    move |pixel| pixel / region.width / TILE * columns + pixel % region.width / TILE
-}
-
-impl<T: Copy + Default> Tiles<T> {
-    fn new(region: Region) -> Self {
-        let (columns, rows) = (region.width.div_ceil(TILE), region.height.div_ceil(TILE));
-        Self {
-            columns,
-            rows,
-            values: vec![T::default(); columns * rows],
-        }
+impl Trial {
+    /// V c of the window less that of the frame and of the pixel alone, over the squared brightness.
+    fn gains(&self, brightness: f32, costs: Costs) -> [f32; 2] {
+        let scale = 0.5 / (brightness * brightness + DARK);
+        let variance = |value: fn(&Pilot) -> f32| {
+            let difference = value(&self.runs[0]) - value(&self.runs[1]);
+            difference * difference * scale
+        };
+        let window = variance(|run| run.window) * costs.of(self.lending);
+        [
+            window - variance(|run| run.frame) * costs.frame,
+            window - variance(|run| run.own),
+        ]
     }
 }
 
 /// Mean brightness of each tile. A pixel's own would not do: where both its samples by one way are
 /// dark by chance, their variance over their brightness would be small by that way only.
-fn brightness(region: Region, first: &[Pilot], second: &[Pilot]) -> Tiles<f32> {
-    let (mut tiles, tile_of) = (Tiles::new(region), tile_of(region));
-    let mut counts = vec![0.0; tiles.values.len()];
-    for (pixel, (first, second)) in first.iter().zip(second).enumerate() {
-        tiles.values[tile_of(pixel)] += 0.5 * (first.window + second.window);
-        counts[tile_of(pixel)] += 1.0;
+fn brightness(region: Region, trials: &[Trial]) -> Tiles<f32> {
+    let mut sums = Tiles::<[f32; 2]>::new(region);
+    for Trial { pixel, runs, .. } in trials {
+        let [sum, count] = sums.get_mut(sums.of(*pixel));
+        *sum += 0.5 * (runs[0].window + runs[1].window);
+        *count += 1.0;
     }
-    tiles
-        .values
-        .iter_mut()
-        .zip(counts)
-        .for_each(|(sum, count)| *sum /= count);
-    tiles
+    sums.map(|[sum, count]| sum / count)
 }
 
-impl Tiles<[Gain; 2]> {
-    fn of_pixels(region: Region, first: &[Pilot], second: &[Pilot], costs: Costs) -> Self {
-        let (mut tiles, tile_of) = (Self::new(region), tile_of(region));
-        let brightness = brightness(region, first, second);
-        for (pixel, (first, second)) in first.iter().zip(second).enumerate() {
-            let tile = tile_of(pixel);
-            let gains = gains(first, second, brightness.values[tile], costs);
-            (0..2).for_each(|way| tiles.values[tile][way].add(&Gain::of(gains[way])));
-        }
-        tiles
+/// What each tile gains by the frame and by the pixel alone, as far as that is sure, over 3 x 3 tiles.
+fn sure_gains(region: Region, trials: &[Trial], costs: Costs, errors: f64) -> Tiles<[f32; 2]> {
+    let brightness = brightness(region, trials);
+    let mut tiles = Tiles::<[Gain; 2]>::new(region);
+    for trial in trials {
+        let tile = tiles.of(trial.pixel);
+        let gains = trial.gains(brightness.get(tile), costs);
+        let sums = tiles.get_mut(tile).iter_mut();
+        sums.zip(gains).for_each(|(sum, gain)| sum.add(gain));
     }
-
-    /// Sure gains over 3 x 3 tiles.
-    fn smoothed(&self) -> Tiles<[f32; 2]> {
-        let around = |tile: usize| {
-            let (x, y) = (tile % self.columns, tile / self.columns);
-            let mut sum = [Gain::default(); 2];
-            for y in y.saturating_sub(1)..(y + 2).min(self.rows) {
-                for x in x.saturating_sub(1)..(x + 2).min(self.columns) {
-                    let tile = &self.values[y * self.columns + x];
-                    (0..2).for_each(|way| sum[way].add(&tile[way]));
-                }
-            }
-            sum.map(|gain| gain.sure())
-        };
-        Tiles {
-            columns: self.columns,
-            rows: self.rows,
-            values: (0..self.values.len()).map(around).collect(),
-        }
-    }
+    tiles.around(|around| {
+        let sum = around.reduce(|[a, b], [c, d]| [a.and(&c), b.and(&d)]);
+        sum.unwrap_or_default().map(|gain| gain.sure(errors))
+    })
 }
 
-impl Tiles<[f32; 2]> {
-    /// Interpolated between the middles of tiles.
-    fn at_pixel(&self, x: usize, y: usize) -> [f32; 2] {
-        let place = |pixel: usize| {
-            let tile = ((pixel as f32 + 0.5) / TILE as f32 - 0.5).max(0.0);
-            (tile as usize, tile.fract())
-        };
-        let ((x, u), (y, v)) = (place(x), place(y));
-        let at = |x: usize, y: usize| {
-            self.values[y.min(self.rows - 1) * self.columns + x.min(self.columns - 1)]
-        };
-        let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)];
-        [0, 1].map(|way| {
-            let low = a[way] * (1.0 - u) + b[way] * u;
-            let high = c[way] * (1.0 - u) + d[way] * u;
-            low * (1.0 - v) + high * v
-        })
-    }
-}
-
-/// From where each pixel borrows, row by row.
+/// From where each pixel borrows after both pilot iterations, row by row.
 pub fn choose(region: Region, first: &[Pilot], second: &[Pilot], costs: Costs) -> Vec<Lending> {
-    let tiles = Tiles::of_pixels(region, first, second, costs).smoothed();
-    let choice = |index: usize| match tiles.at_pixel(index % region.width, index / region.width) {
-        [frame, own] if own > 0.0 && own >= frame => Lending::None,
-        [frame, _] if frame > 0.0 => Lending::Frame,
-        _ => Lending::Window,
+    let trial = |pixel: usize| Trial {
+        pixel,
+        runs: [first[pixel], second[pixel]],
+        lending: Lending::Window,
     };
-    (0..first.len()).map(choice).collect()
+    let trials: Vec<Trial> = probes(region, 0).map(trial).collect();
+    let mut lending = vec![Lending::Window; first.len()];
+    turn_away(region, &trials, costs, PILOT_SURE, &mut lending);
+    lending
+}
+
+/// Pixels that surely gain by it borrow from less.
+fn turn_away(region: Region, trials: &[Trial], costs: Costs, errors: f64, lending: &mut [Lending]) {
+    let gains = sure_gains(region, trials, costs, errors);
+    for (pixel, lending) in lending.iter_mut().enumerate() {
+        *lending = match (gains.at_pixel(pixel), *lending) {
+            ([frame, own], _) if own > 0.0 && own >= frame => Lending::None,
+            ([frame, _], Lending::Window) if frame > 0.0 => Lending::Frame,
+            (_, same) => same,
+        };
+    }
+}
+
+/// How probes fare by the ways that they were not rendered by.
+pub struct Trials {
+    width: usize,
+    /// Of every [`PILOT_SPACING`]-th pixel of every so many rows.
+    excess: Vec<Excess>,
+    /// Luminance by all ways when the number of iterations was last a power of two, probe after
+    /// probe.
+    halves: Vec<Pilot>,
+}
+
+/// Luminance of a probe's sum by other ways less that of what it has.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Excess {
+    /// By its frame's samples.
+    pub frame: f32,
+    /// Alone.
+    pub own: f32,
+}
+
+/// The probes in a row of pixels; none in most rows.
+pub struct ProbeRow<'a>(&'a mut [Excess]);
+
+impl ProbeRow<'_> {
+    /// The pixel in this column, if it may be a probe.
+    pub fn at(&mut self, x: usize) -> Option<&mut Excess> {
+        match x.is_multiple_of(PILOT_SPACING) {
+            true => self.0.get_mut(x / PILOT_SPACING),
+            false => None,
+        }
+    }
+}
+
+impl Trials {
+    /// None yet.
+    pub fn new(region: Region) -> Self {
+        let rows = region.height.div_ceil(PILOT_SPACING);
+        Self {
+            width: region.width,
+            excess: vec![Excess::default(); region.width.div_ceil(PILOT_SPACING) * rows],
+            halves: Vec::new(),
+        }
+    }
+
+    /// The probes of the rows, from the lowest.
+    pub fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = ProbeRow<'_>> {
+        let width = self.width.div_ceil(PILOT_SPACING);
+        let mut rows = Vec::new();
+        for row in self.excess.chunks_mut(width) {
+            rows.push(ProbeRow(row));
+            rows.extend((1..PILOT_SPACING).map(|_| ProbeRow(&mut [])));
+        }
+        rows.into_par_iter()
+    }
+
+    /// Bytes held.
+    pub fn memory_bytes(&self) -> usize {
+        size_of_val(&self.excess[..]) + size_of_val(&self.halves[..])
+    }
+
+    fn excess(&self, pixel: usize) -> Excess {
+        let [x, y] = [pixel % self.width, pixel / self.width].map(|place| place / PILOT_SPACING);
+        self.excess[y * self.width.div_ceil(PILOT_SPACING) + x]
+    }
+
+    /// Each time the iterations have doubled, lets pixels borrow from less that are surely better off
+    /// so.
+    pub fn look(&mut self, film: &Film, iterations: u32, costs: Costs, lending: &mut [Lending]) {
+        if !iterations.is_power_of_two() {
+            return;
+        }
+        let region = film.region;
+        let sums = probes(region, PILOT_ITERATIONS).map(|pixel| {
+            let window = film.luminance(pixel);
+            let excess = self.excess(pixel);
+            Pilot {
+                window,
+                frame: window + excess.frame,
+                own: window + excess.own,
+            }
+        });
+        let sums: Vec<Pilot> = sums.collect();
+        if iterations >= JUDGE_FROM {
+            let halves = sums.iter().zip(&self.halves);
+            let scale = 2.0 / iterations as f32;
+            let runs =
+                halves.map(|(&sum, &first)| [first.times(scale), sum.less(first).times(scale)]);
+            let trials = probes(region, PILOT_ITERATIONS).zip(runs);
+            let trials = trials.map(|(pixel, runs)| Trial {
+                pixel,
+                runs,
+                lending: lending[pixel],
+            });
+            let trials: Vec<Trial> = trials.filter(|t| t.lending != Lending::None).collect();
+            turn_away(region, &trials, costs, SURE, lending);
+        }
+        self.halves = sums;
+    }
 }
 
 #[cfg(test)]
@@ -289,7 +401,7 @@ mod tests {
     #[test]
     fn darkness_borrows() {
         let dark = vec![Pilot::default(); SIDE * SIDE];
-        let ways = choose(REGION, &dark, &dark, Costs::new(49, 3, false));
+        let ways = choose(REGION, &dark, &dark, Costs::new(49, 3, 3.0, 8));
         assert!(ways.iter().all(|&way| way == Lending::Window));
     }
 }
