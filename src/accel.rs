@@ -229,6 +229,7 @@ mod tests {
             materials: vec![],
             visibility: Visibility::ALL,
             is_holdout: false,
+            is_catcher: false,
             membership: crate::scene::Membership::ALL,
         }
     }

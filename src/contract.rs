@@ -220,6 +220,13 @@ pub const FRAME: &[ArraySpec] = &[
         "Whether camera rays meet a hole in the picture in its place.",
     ),
     array(
+        "instance_shadow_catcher",
+        U32,
+        &["I"],
+        "0 or 1",
+        "Whether only the shadows on it are seen.",
+    ),
+    array(
         "instance_receiver_sets",
         U64,
         &["I"],

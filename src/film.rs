@@ -7,8 +7,10 @@ use crate::contract::{PassSpec, Settings};
 use crate::error::{Error, Result};
 use crate::math::{PixelFilter, luminance};
 
+mod catcher;
 mod extra;
 
+pub use catcher::{CatcherSums, Caught};
 pub use extra::{Extra, Layout, Row};
 
 /// Depth of a pixel that shows the background, as Blender writes it [m].
@@ -161,6 +163,7 @@ pub struct FilmRow<'a> {
     sums: &'a mut [PixelSums],
     layout: &'a Layout,
     numbers: &'a mut [f32],
+    catchers: &'a mut [CatcherSums],
 }
 
 /// One pixel, to write.
@@ -169,6 +172,8 @@ pub struct Pixel<'a> {
     pub sums: &'a mut PixelSums,
     /// What passes keep that were asked for.
     pub extra: Extra<'a>,
+    /// What shadow catchers found, where there are any.
+    pub catcher: Option<&'a mut CatcherSums>,
 }
 
 impl FilmRow<'_> {
@@ -181,6 +186,7 @@ impl FilmRow<'_> {
                 layout,
                 numbers: &mut self.numbers[x * stride..(x + 1) * stride],
             },
+            catcher: self.catchers.get_mut(x),
         }
     }
 
@@ -203,6 +209,8 @@ pub struct Film {
     layout: Layout,
     /// Numbers of passes, pixel by pixel as the layout says.
     numbers: Vec<f32>,
+    /// One for each pixel, where the frame has shadow catchers.
+    catchers: Vec<CatcherSums>,
     samples: u32,
     noise: Option<NoiseMeter>,
 }
@@ -267,9 +275,15 @@ impl Film {
             pixels: vec![PixelSums::default(); pixels],
             numbers: vec![0.0; pixels * layout.stride()],
             layout,
+            catchers: Vec::new(),
             samples: 0,
             noise: None,
         }
+    }
+
+    /// From now on keeps what shadow catchers find.
+    pub fn catch_shadows(&mut self) {
+        self.catchers = vec![CatcherSums::default(); self.pixels.len()];
     }
 
     /// From now on measures its noise.
@@ -289,14 +303,17 @@ impl Film {
     pub fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = FilmRow<'_>> {
         let (width, layout) = (self.region.width, &self.layout);
         let mut rest = &mut self.numbers[..];
+        let mut catchers = &mut self.catchers[..];
         let rows = self.pixels.chunks_exact_mut(width).map(|sums| {
             let numbers = rest
                 .split_off_mut(..width * layout.stride())
                 .unwrap_or_default();
+            let catchers = catchers.split_off_mut(..width).unwrap_or_default();
             FilmRow {
                 sums,
                 layout,
                 numbers,
+                catchers,
             }
         });
         rows.collect::<Vec<_>>().into_par_iter()
@@ -359,13 +376,20 @@ impl Film {
             let [r, g, b] = p.radiance;
             [r * mean, g * mean, b * mean, p.coverage * mean]
         };
-        self.pixels.iter().flat_map(pixel).collect()
+        if self.catchers.is_empty() {
+            return self.pixels.iter().flat_map(pixel).collect();
+        }
+        let both = self.pixels.iter().zip(&self.catchers);
+        both.flat_map(|(p, catcher)| catcher.shaded(pixel(p), mean))
+            .collect()
     }
 
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
         let halves = self.noise.as_ref().map_or(0, |_| size_of::<f32>());
-        self.pixels.len() * (size_of::<PixelSums>() + halves) + size_of_val(&self.numbers[..])
+        self.pixels.len() * (size_of::<PixelSums>() + halves)
+            + size_of_val(&self.numbers[..])
+            + size_of_val(&self.catchers[..])
     }
 }
 

@@ -98,6 +98,7 @@ struct Prepared {
     shutter: ShutterTimes,
     see_through: Vec<bool>,
     media: Media,
+    catchers: Option<Box<Catchers>>,
     scene_size: f32,
 }
 
@@ -121,8 +122,41 @@ impl Prepared {
             shutter: ShutterTimes::of(frame),
             see_through: see_through(frame),
             media: Media::of(frame),
+            catchers: frame.catchers().map(|frame| Box::new(Catchers::of(frame))),
             scene_size: (upper - lower).length(),
             accel,
+        }
+    }
+}
+
+/// A frame's shadow catchers, as they are without anything else.
+struct Catchers {
+    accel: Accel,
+    lights: LightSampler,
+    see_through: Vec<bool>,
+    media: Media,
+    frame: SceneFrame,
+}
+
+impl Catchers {
+    fn of(frame: SceneFrame) -> Self {
+        Self {
+            accel: Accel::build(&frame, None),
+            lights: LightSampler::build(&frame, None),
+            see_through: see_through(&frame),
+            media: Media::of(&frame),
+            frame,
+        }
+    }
+
+    fn tracer<'a>(&'a self, settings: &'a Settings) -> Tracer<'a> {
+        Tracer {
+            frame: &self.frame,
+            accel: &self.accel,
+            lights: &self.lights,
+            settings,
+            see_through: &self.see_through,
+            media: &self.media,
         }
     }
 }
@@ -172,6 +206,7 @@ fn prepare_and_run(job: &Job, progress: &Progress) -> Result<Vec<Rendered>> {
                 see_through: &prepared.see_through,
                 media: &prepared.media,
             },
+            catchers: prepared.catchers.as_ref().map(|c| c.tracer(&job.settings)),
             index,
             window: &window,
             region,
@@ -318,6 +353,9 @@ impl Iterations<'_> {
         let settings = &self.job.settings;
         if settings.noise_threshold > 0.0 || settings.time_limit > 0.0 {
             film.watch_noise();
+        }
+        if self.views.iter().any(|view| view.catchers.is_some()) {
+            film.catch_shadows();
         }
         film
     }

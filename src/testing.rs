@@ -57,6 +57,7 @@ impl Scene {
             materials: vec![self.materials.len() as u32],
             visibility: Visibility::ALL,
             is_holdout: false,
+            is_catcher: false,
             membership: Membership::ALL,
         });
         self.meshes.push(Arc::new(mesh));

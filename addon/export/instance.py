@@ -77,10 +77,11 @@ class Placed:
 
 @dataclass(frozen=True)
 class Seen:
-    """Which rays meet an instance, whether it is a hole in the picture, and whose links hold."""
+    """Which rays meet an instance, what the picture shows in its place, and whose links hold."""
 
     visibility: int
     is_holdout: bool
+    is_catcher: bool
     # Of the object and of what instances it, as light linking knows them.
     names: tuple[int, ...]
 
@@ -200,6 +201,7 @@ class InstanceTable:
         meshes = np.array([shape.mesh for shape in self._placed], np.uint32)
         slots = np.array([shape.slots for shape in self._placed], np.uint32).reshape(-1, 2)
         mattes = np.frombuffer(self._matte_numbers, np.float32).reshape(-1, 2)
+        catchers = np.array([seen.is_catcher for seen in self._seen], np.uint32)
         return {
             "instance_mattes": mattes[keep] if self.mattes else mattes,
             "instance_mesh": meshes[keep],
@@ -210,6 +212,7 @@ class InstanceTable:
             "instance_slots": slots[keep],
             "instance_visibility": np.array([s.visibility for s in self._seen], np.uint32)[keep],
             "instance_holdout": np.array([s.is_holdout for s in self._seen], np.uint32)[keep],
+            "instance_shadow_catcher": catchers[keep],
             "instance_receiver_sets": self._linked(self.lights.receivers)[keep],
             "instance_blocker_sets": self._linked(self.lights.blockers)[keep],
             "slot_materials": np.array(self._slot_materials, np.uint32),
@@ -272,7 +275,8 @@ class InstanceTable:
                 # Things without light of their own may have links, too: they mean nothing.
                 self.warnings.not_rendered(owner.name, "Light linking of a glowing object")
             names = (name_of(owner), name_of(parent))
-            self._seen_by[key] = Seen(visibility, is_holdout, names)
+            is_catcher = owner.is_shadow_catcher or parent.is_shadow_catcher
+            self._seen_by[key] = Seen(visibility, is_holdout, is_catcher, names)
         return self._seen_by[key]
 
     def _key(self, item: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> int:
@@ -305,7 +309,6 @@ class InstanceTable:
         if key not in self._shapes:
             if self.should_stop():
                 raise ExportStopped
-            self._check(owner)
             self._shapes[key] = self._load_shapes(owner)
         return self._shapes[key]
 
@@ -417,11 +420,6 @@ class InstanceTable:
             self._slot_lists[key] = (len(self._slot_materials), len(rows))
             self._slot_materials += rows
         return self._slot_lists[key]
-
-    def _check(self, owner: bpy.types.Object) -> None:
-        """Warn of what the renderer does not do with this object."""
-        if owner.is_shadow_catcher:
-            self.warnings.not_rendered(owner.name, "Shadow catcher")
 
 
 # What becomes triangles, by the object's type. Texts, metaballs and surfaces are instances of type

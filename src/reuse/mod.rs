@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::contract::{Method, Settings};
 use crate::error::{Error, Result};
-use crate::film::{Film, FilmRow, Pixel, Region, Sighting};
+use crate::film::{Caught, Film, FilmRow, Pixel, Region, Sighting};
 use crate::math::{PixelFilter, Ray};
 use crate::passes::{self, Seen};
 use crate::path::{Bounces, Divided, Reflected, Tracer, take_rays};
@@ -32,6 +32,8 @@ use crate::surface::Surface;
 pub struct View<'a> {
     /// Traces paths in the frame.
     pub tracer: Tracer<'a>,
+    /// The same in the frame without anything but its shadow catchers, if it has any.
+    pub catchers: Option<Tracer<'a>>,
     /// Position of the frame in the window.
     pub index: usize,
     /// The window.
@@ -69,6 +71,8 @@ pub struct Shot {
     pub environment: Vec3A,
     /// What comes from below the surface.
     pub below: Option<Reflected>,
+    /// What it finds on a shadow catcher.
+    pub caught: Option<Caught>,
 }
 
 impl Shot {
@@ -96,6 +100,7 @@ impl Shot {
             emission: Vec3A::ZERO,
             environment: Vec3A::ZERO,
             below: None,
+            caught: None,
         }
     }
 }
@@ -223,13 +228,31 @@ impl View<'_> {
             seen,
             emission: glow + lamps + passed.glow,
             environment,
+            caught: self.caught(&seen_ray, &sampler),
         }
+    }
+
+    /// What a camera ray finds on a shadow catcher before it ends, which the picture does not show.
+    fn caught(&self, ray: &Ray, sampler: &Sampler) -> Option<Caught> {
+        let alone = self.catchers.as_ref()?;
+        let surface = alone.arrive(ray, &Bounces::default(), sampler).0?;
+        let light = |tracer: &Tracer| {
+            let reflected = tracer.reflected(&surface, Bounces::default(), 1.0, sampler);
+            surface.emission + reflected.sum()
+        };
+        Some(Caught {
+            among_all: light(&self.tracer),
+            alone: light(alone),
+        })
     }
 
     /// Adds what the camera ray of an iteration saw to the passes of its pixel, but for light that is
     /// scattered.
     pub fn note(&self, shot: &Shot, iteration: u32, pixel: &mut Pixel) {
         pixel.sums.add_sighting(iteration, &shot.seen);
+        if let Some(catcher) = &mut pixel.catcher {
+            catcher.add(shot.caught, shot.environment);
+        }
         if pixel.extra.is_any() {
             let seen = Seen {
                 frame: self.tracer.frame,

@@ -14,7 +14,7 @@ use super::{
 use crate::contract::{Arrays, FRAME, Given};
 use crate::error::{Error, Result};
 use crate::math::Ray;
-use crate::shader::{Instructions, ObjectInfo};
+use crate::shader::{Instructions, ObjectInfo, RayKind};
 
 /// A mesh, placed.
 #[derive(Debug, Clone)]
@@ -35,6 +35,8 @@ pub struct Instance {
     pub visibility: Visibility,
     /// Whether camera rays meet a hole in the picture in its place.
     pub is_holdout: bool,
+    /// Whether the camera sees only the shadows on it, and not the thing.
+    pub is_catcher: bool,
     /// The sets of things that lights are linked to.
     pub membership: Membership,
 }
@@ -59,6 +61,7 @@ pub struct Shutter {
 }
 
 /// Everything one frame shows.
+#[derive(Clone)]
 pub struct SceneFrame {
     /// The frame's number.
     pub frame: i32,
@@ -120,6 +123,21 @@ impl SceneFrame {
             meshes,
             materials,
             images,
+        })
+    }
+
+    /// The frame as it would be without any things but its shadow catchers, which are then seen; `None`
+    /// where it has none.
+    pub fn catchers(&self) -> Option<Self> {
+        let catchers = self.instances.iter().filter(|i| i.is_catcher);
+        let seen = catchers.map(|catcher| Instance {
+            visibility: catcher.visibility.with(RayKind::Camera),
+            ..catcher.clone()
+        });
+        let instances: Vec<Instance> = seen.collect();
+        (!instances.is_empty()).then(|| Self {
+            instances,
+            ..self.clone()
         })
     }
 
@@ -293,8 +311,9 @@ fn instances(arrays: &Arrays, meshes: usize, materials: usize) -> Result<Vec<Ins
                 motion: None,
                 info: object_info(arrays, row),
                 materials: slot_materials[slots].to_vec(),
-                visibility: Visibility::from_bits(arrays.u32s("instance_visibility")[row]),
+                visibility: visibility(arrays, row),
                 is_holdout: arrays.u32s("instance_holdout")[row] != 0,
+                is_catcher: is_catcher(arrays, row),
                 membership: Membership {
                     receivers: arrays.u64s("instance_receiver_sets")[row],
                     blockers: arrays.u64s("instance_blocker_sets")[row],
@@ -302,6 +321,18 @@ fn instances(arrays: &Arrays, meshes: usize, materials: usize) -> Result<Vec<Ins
             })
         })
         .collect()
+}
+
+fn is_catcher(arrays: &Arrays, row: usize) -> bool {
+    arrays.u32s("instance_shadow_catcher")[row] != 0
+}
+
+fn visibility(arrays: &Arrays, row: usize) -> Visibility {
+    let visibility = Visibility::from_bits(arrays.u32s("instance_visibility")[row]);
+    match is_catcher(arrays, row) {
+        true => visibility.without(RayKind::Camera),
+        false => visibility,
+    }
 }
 
 /// Gives the instances that move their ways.

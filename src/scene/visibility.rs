@@ -28,6 +28,11 @@ impl Visibility {
             .any(|kind| self.includes(kind) != stops)
     }
 
+    /// Not seen by rays of this kind.
+    pub const fn without(self, kind: RayKind) -> Self {
+        Self(self.0 & !(1 << kind as u32))
+    }
+
     /// Seen by rays of this kind as well.
     pub const fn with(self, kind: RayKind) -> Self {
         Self(self.0 | 1 << kind as u32)

@@ -50,6 +50,10 @@ def shadow_catcher(stage: Stage) -> None:
     stage.floor.is_shadow_catcher = True
 
 
+def shadow_on_background(stage: Stage) -> None:
+    stage.floor.is_shadow_catcher = True
+
+
 def override(stage: Stage) -> None:
     stage.scene.view_layers[0].material_override = matt((0.6, 0.6, 0.2))
 
@@ -67,6 +71,7 @@ ROWS = table(
     ("glowing object, glossy", glowing_hidden, {"ray": "glossy"}),
     ("object, holdout", flagged, {"is_holdout": True}),
     ("object, shadow catcher", shadow_catcher),
+    ("object, shadow catcher, background shown", shadow_on_background),
     ("object, hidden in renders", hidden_in_render),
     ("collection, excluded", in_collection, {"exclude": True}),
     ("collection, holdout", in_collection, {"holdout": True}),

@@ -605,9 +605,12 @@ def test_what_cannot_become_a_mesh_is_named(add: Any, words: str) -> None:
     assert export_now().warnings == [f"'Fur': {words}"]
 
 
-def test_flags_the_renderer_ignores_are_named() -> None:
+def test_shadow_catchers_are_handed_over() -> None:
+    add_mesh("Thing")
     add_mesh("Ghost").is_shadow_catcher = True
-    assert export_now().warnings == ["'Ghost': Shadow catcher is not rendered yet"]
+    frame = export_now()
+    assert frame.warnings == []
+    assert sorted(frame.arrays["instance_shadow_catcher"]) == [0, 1]
 
 
 def test_rays_that_meet_an_object_are_those_that_see_it_and_what_instances_it() -> None:

@@ -120,6 +120,7 @@ fn glowing_square() -> SceneFrame {
         materials: vec![0, 1],
         visibility: Visibility::ALL,
         is_holdout: false,
+        is_catcher: false,
         membership: Membership::ALL,
     };
     let mut frame = frame_of(vec![], plain_world(0.0));
