@@ -143,7 +143,7 @@ fn position(seen: &Seen) -> Option<[f32; 4]> {
 
 fn uv(seen: &Seen) -> Option<[f32; 4]> {
     let hit = &seen.surface?.hit;
-    let corners = &seen.frame.mesh_of(hit.instance).corner_uvs[hit.triangle as usize];
+    let corners = &seen.frame.mesh_of(hit.instance).faces[hit.triangle as usize].uvs;
     // A mesh without a map has zeros at all corners.
     if *corners == [Vec2::ZERO; 3] {
         return None;

@@ -217,10 +217,10 @@ pub(crate) fn mesh(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Mesh {
 }
 
 /// A mesh around the origin, shaded as if it were a ball.
-pub(crate) fn smooth(mut mesh: Mesh) -> Mesh {
+pub(crate) fn smooth(mesh: Mesh) -> Mesh {
     let normals = |triangle: &[u32; 3]| triangle.map(|i| mesh.vertices[i as usize].normalize());
-    mesh.corner_normals = Arc::new(mesh.triangles.iter().map(normals).collect());
-    mesh
+    let normals: Vec<_> = mesh.triangles.iter().map(normals).collect();
+    mesh.with_normals(&normals)
 }
 
 /// The square from -1 to 1 in x and y, facing +Z.

@@ -21,7 +21,7 @@ pub struct Facet<'a> {
 impl Attributes for Facet<'_> {
     fn corners(&self, key: u32) -> Option<[Vec4; 3]> {
         if key == 0 {
-            let uvs = self.mesh.corner_uvs[self.triangle as usize];
+            let uvs = self.mesh.faces[self.triangle as usize].uvs;
             return Some(uvs.map(|uv| uv.extend(0.0).extend(1.0)));
         }
         let layer = self.mesh.layers.iter().find(|(known, _)| *known == key);

@@ -187,13 +187,13 @@ impl SceneFrame {
     /// last, as in Blender. `None` where the instance has no slot at all.
     pub fn material_number_of(&self, instance: u32, triangle: u32) -> Option<u32> {
         let slots = &self.instances[instance as usize].materials;
-        let slot = self.mesh_of(instance).material_slots[triangle as usize] as usize;
+        let slot = self.mesh_of(instance).faces[triangle as usize].slot as usize;
         slots.get(slot.min(slots.len().checked_sub(1)?)).copied()
     }
 
     /// Texture coordinate at a point of a triangle.
     pub fn uv(&self, instance: u32, triangle: u32, barycentric: Vec2) -> Vec2 {
-        let corners = &self.mesh_of(instance).corner_uvs[triangle as usize];
+        let corners = &self.mesh_of(instance).faces[triangle as usize].uvs;
         interpolate(corners, barycentric)
     }
 

@@ -15,18 +15,27 @@ pub struct Mesh {
     pub vertices: Arc<Vec<Vec3>>,
     /// Vertices of each triangle, counter-clockwise from the front.
     pub triangles: Arc<Vec<[u32; 3]>>,
-    /// Unit shading normals of each triangle's corners, object space.
-    pub corner_normals: Arc<Vec<[Vec3; 3]>>,
-    /// Texture coordinates of each triangle's corners.
-    pub corner_uvs: Arc<Vec<[Vec2; 3]>>,
+    /// What else each triangle has.
+    pub faces: Arc<Vec<Face>>,
     /// Further values of each triangle's corners, by the hash of their name.
     pub layers: Arc<Vec<Layer>>,
-    /// Material slot of each triangle.
-    pub material_slots: Arc<Vec<u32>>,
     /// Positions at equal steps of the shutter's time; none where it keeps its form.
     motion: Vec<Vec<Vec3>>,
     /// One for each step of the motion; one where there is none.
     bvhs: OnceLock<Vec<TriangleBvh>>,
+}
+
+/// What a hit asks of a triangle beside its vertices, in one line of the cache: apart, normals, texture
+/// coordinates and slot would be four.
+#[derive(Debug, Clone, Copy)]
+#[repr(align(64))]
+pub struct Face {
+    /// Unit shading normals of the corners, object space.
+    pub normals: [Vec3; 3],
+    /// Texture coordinates of the corners.
+    pub uvs: [Vec2; 3],
+    /// Material slot.
+    pub slot: u32,
 }
 
 /// A name's hash, and values at each triangle's corners.
@@ -52,19 +61,12 @@ impl Mesh {
                 });
             }
         }
-        let corner_normals = corner_normals(arrays.f32s("corner_normals"), &triangles, &vertices);
-        let uvs = arrays.f32s("corner_uvs").as_chunks::<6>().0;
-        let uvs = uvs.iter();
+        let faces = faces(&arrays, &triangles, &vertices);
         Ok(Self {
-            corner_uvs: Arc::new(
-                uvs.map(|c| [0, 2, 4].map(|i| Vec2::new(c[i], c[i + 1])))
-                    .collect(),
-            ),
+            faces: Arc::new(faces),
             layers: Arc::new(layers(&arrays, triangles.len())),
-            material_slots: Arc::new(arrays.u32s("material_slots").to_vec()),
             vertices: Arc::new(vertices),
             triangles: Arc::new(triangles),
-            corner_normals: Arc::new(corner_normals),
             motion: Vec::new(),
             bvhs: OnceLock::new(),
         })
@@ -89,16 +91,25 @@ impl Mesh {
         Ok(Self {
             vertices: self.vertices.clone(),
             triangles: self.triangles.clone(),
-            corner_normals: self.corner_normals.clone(),
-            corner_uvs: self.corner_uvs.clone(),
+            faces: self.faces.clone(),
             layers: self.layers.clone(),
-            material_slots: self.material_slots.clone(),
             motion: positions
                 .chunks_exact(count)
                 .map(<[Vec3]>::to_vec)
                 .collect(),
             bvhs: OnceLock::new(),
         })
+    }
+
+    /// The same mesh with other normals at its corners.
+    #[cfg(test)]
+    pub(crate) fn with_normals(self, normals: &[[Vec3; 3]]) -> Self {
+        let faces = self.faces.iter().zip(normals);
+        let faces = faces.map(|(&face, &normals)| Face { normals, ..face });
+        Self {
+            faces: Arc::new(faces.collect()),
+            ..self
+        }
     }
 
     /// Whether it changes its form while the shutter is open.
@@ -183,7 +194,7 @@ impl Mesh {
     /// the triangle as it turns and stretches. That is exact where the form changes evenly, and needs
     /// no normals for each time.
     pub fn corner_normals_at(&self, triangle: u32, corners: &[Vec3A; 3]) -> [Vec3A; 3] {
-        let normals = self.corner_normals[triangle as usize].map(Vec3A::from);
+        let normals = self.faces[triangle as usize].normals.map(Vec3A::from);
         if !self.is_moving() {
             return normals;
         }
@@ -195,8 +206,7 @@ impl Mesh {
 
     /// Bytes held, the tree included once it is built.
     pub fn memory_bytes(&self) -> usize {
-        let per_triangle =
-            size_of::<[u32; 3]>() + size_of::<[Vec3; 3]>() + size_of::<[Vec2; 3]>() + 4;
+        let per_triangle = size_of::<[u32; 3]>() + size_of::<Face>();
         let layers = self.layers.len() * self.triangles.len() * size_of::<[Vec4; 3]>();
         layers
             + self.vertices.len() * size_of::<Vec3>()
@@ -236,17 +246,22 @@ fn vec3s(numbers: &[f32]) -> Vec<Vec3> {
     rows.map(|&v| Vec3::from(v)).collect()
 }
 
-/// Unit corner normals; a zero one is replaced by the triangle's own.
-fn corner_normals(numbers: &[f32], triangles: &[[u32; 3]], vertices: &[Vec3]) -> Vec<[Vec3; 3]> {
-    let given = vec3s(numbers);
-    let corners = given.as_chunks::<3>().0.iter().zip(triangles);
-    corners
-        .map(|(normals, triangle)| {
-            let [a, b, c] = triangle.map(|v| vertices[v as usize]);
-            let own = (b - a).cross(c - a).normalize_or(Vec3::Z);
-            normals.map(|normal| normal.normalize_or(own))
-        })
-        .collect()
+/// What triangles have beside their vertices; a normal of zero is replaced by the triangle's own.
+fn faces(arrays: &Arrays, triangles: &[[u32; 3]], vertices: &[Vec3]) -> Vec<Face> {
+    let normals = vec3s(arrays.f32s("corner_normals"));
+    let uvs = arrays.f32s("corner_uvs").as_chunks::<6>().0;
+    let corners = normals.as_chunks::<3>().0.iter().zip(uvs);
+    let rows = corners.zip(arrays.u32s("material_slots")).zip(triangles);
+    rows.map(|(((normals, uvs), &slot), triangle)| {
+        let [a, b, c] = triangle.map(|v| vertices[v as usize]);
+        let own = (b - a).cross(c - a).normalize_or(Vec3::Z);
+        Face {
+            normals: normals.map(|normal| normal.normalize_or(own)),
+            uvs: [0, 2, 4].map(|i| Vec2::new(uvs[i], uvs[i + 1])),
+            slot,
+        }
+    })
+    .collect()
 }
 
 #[cfg(test)]
@@ -269,7 +284,7 @@ mod tests {
             Vec3::new(0.6, 0.0, 0.8),
             Vec3::new(0.0, -0.28, 0.96),
         ];
-        still.corner_normals = Arc::new(vec![bent]);
+        still = still.with_normals(&[bent]);
         let at_end = vertices.map(|v| matrix.transform_point3(v));
         let times = [vertices, at_end, vertices];
         let numbers: Vec<f32> = times.iter().flatten().flat_map(Vec3::to_array).collect();
@@ -290,12 +305,12 @@ mod tests {
             let mesh = moved_by(matrix);
             let follow = matrix.matrix3.inverse().transpose();
             let normals = mesh.corner_normals_at(0, &mesh.corners_at(0, 0.5));
-            for (normal, before) in normals.iter().zip(&mesh.corner_normals[0]) {
+            for (normal, before) in normals.iter().zip(&mesh.faces[0].normals) {
                 let expected = (follow * Vec3A::from(*before)).normalize();
                 assert!(normal.distance(expected) < 1e-5, "{normal} {expected}");
             }
             let back = mesh.corner_normals_at(0, &mesh.corners_at(0, 1.0));
-            assert!(back[1].distance(mesh.corner_normals[0][1].into()) < 1e-6);
+            assert!(back[1].distance(mesh.faces[0].normals[1].into()) < 1e-6);
         }
     }
 

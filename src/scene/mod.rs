@@ -19,7 +19,7 @@ pub use facet::Facet;
 pub use frame::{Instance, SceneFrame, Shutter, interpolate};
 pub use light::{Light, LightKind};
 pub use material::{Material, Medium};
-pub use mesh::Mesh;
+pub use mesh::{Face, Mesh};
 pub use motion::{Placement, Trajectory};
 pub use passes::{Flow, ForPasses, Mattes, Mist, Moved};
 pub use visibility::{Links, Membership, Reach, Visibility};

@@ -214,9 +214,9 @@ impl MeshLight {
 fn facets(frame: &SceneFrame, instance: u32, glows: &[Glow]) -> Vec<Facet> {
     let placed = &frame.instances[instance as usize];
     let mesh = frame.mesh_of(instance);
-    let slots = mesh.material_slots.iter().enumerate();
+    let slots = mesh.faces.iter().map(|face| face.slot).enumerate();
     slots
-        .map(|(triangle, &slot)| (triangle as u32, (slot as usize).min(glows.len() - 1)))
+        .map(|(triangle, slot)| (triangle as u32, (slot as usize).min(glows.len() - 1)))
         .filter(|&(_, slot)| !matches!(glows[slot], Glow::Dark))
         .map(|(triangle, slot)| Facet {
             triangle,
