@@ -17,10 +17,10 @@ export PATH := $(TOOLS)/bin:$(PATH)
 # Blender does not read a wheel's glibc number: a wheel linked against a new glibc installs and
 # then fails at import. zig links against the old one that the tag promises.
 HOST_WHEEL := $(if $(filter Linux,$(shell uname -s)),--zig --compatibility manylinux_2_28)
-CORE_FILES := Cargo.toml Cargo.lock pyproject.toml $(shell find src python -type f -name '*.[rp][sy]*')
+CORE_FILES := Cargo.toml Cargo.lock .cargo/config.toml pyproject.toml $(shell find src python -type f -name '*.[rp][sy]*')
 ADDON_FILES := $(shell find addon -type f -not -name '*.pyc')
 
-.PHONY: help demo test lint format test-rust test-python test-blender extension extension-full extension-all bench bench-paper scaling chart parity parity-references stability clean
+.PHONY: help demo test lint format test-rust test-python test-blender extension extension-full extension-all bench bench-embree profile bench-paper scaling chart parity parity-references stability clean
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -79,6 +79,17 @@ bench: $(BPY_NEW)/.ready build/site/.ready ## speed and memory against their tar
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/bench.py
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/bench_export.py
 
+# Debian's packages, unpacked without being installed; Embree 3.13 or another one that is installed.
+bench-embree: ## the ray kernel beside Embree's and obvhs's
+	mkdir -p build/embree
+	@cd build/embree && apt-get download libembree-dev libembree3-3 libtbb12 \
+	  && for package in *.deb; do dpkg-deb -x $$package .; done \
+	  || echo "Embree's packages are not to be had here"
+	cargo bench --locked --bench accel
+
+profile: $(BPY_NEW)/.ready build/profile/.ready ## where a frame's time goes, as a table and a flame graph (needs perf)
+	PYTHONPATH=build/profile/site $(BPY_NEW)/bin/python scripts/profile.py
+
 bench-paper: $(BPY_NEW)/.ready build/site/.ready ## Table 1 and Figure 3 of the paper, measured again: docs/bench-paper.md
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/bench_paper.py
 
@@ -114,6 +125,15 @@ build/site/.ready: $(CORE_FILES) $(TOOLS)/.ready
 	rm -rf build/wheel build/site
 	maturin build --release --locked $(HOST_WHEEL) --out build/wheel
 	$(TOOLS)/bin/pip install --quiet --no-deps --target build/site build/wheel/*.whl
+	touch $@
+
+# With stacks that perf can read, and the lines of functions that are inlined.
+build/profile/.ready: $(CORE_FILES) $(TOOLS)/.ready
+	rm -rf build/profile
+	CARGO_PROFILE_RELEASE_DEBUG=line-tables-only \
+	  RUSTFLAGS="-C target-cpu=x86-64-v2 -C force-frame-pointers=yes" \
+	  maturin build --release --locked --out build/profile/wheel
+	$(TOOLS)/bin/pip install --quiet --no-deps --target build/profile/site build/profile/wheel/*.whl
 	touch $@
 
 build/extension.ready: build/site/.ready $(ADDON_FILES) scripts/build_extension.py

@@ -1,14 +1,18 @@
-//! Rays per second of the kernel beside those of obvhs's own CWBVH traversal, on one thread, and
-//! what it takes to fit a tree to a deformed mesh beside building one.
+//! Rays per second of the kernel beside those of obvhs's own CWBVH traversal and, where it is
+//! installed, of Embree, on one thread, and what it takes to fit a tree to a deformed mesh beside
+//! building one.
 //!
 //! `cargo bench --bench accel`. Each pair takes turns within one run, so that the ratios do not
 //! depend on how fast the machine is at the moment.
+
+mod embree;
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use dualcone::kernel::{Positions, TriangleBvh};
 use dualcone::math::{Frame, Ray};
+use embree::{Embree, Query};
 use glam::{Vec3, Vec3A, vec3};
 use obvhs::{
     BvhBuildParams,
@@ -96,8 +100,7 @@ impl Subject {
 
     /// Builds and fits the tree in turn, for a swell that runs through the hills.
     fn compare_refit(&self) {
-        let swell = |p: &Vec3| *p + 0.1 * Vec3::Z * (2.0 * p.x).sin();
-        let moved: Vec<Vec3> = self.positions.iter().map(swell).collect();
+        let moved = self.moved();
         let mut best = [Duration::MAX; 2];
         for _ in 0..3 {
             let start = Instant::now();
@@ -117,6 +120,68 @@ impl Subject {
             "tree             build {build:.1} ms, refit {refit:.1} ms {:14.3}",
             refit / build
         );
+    }
+
+    /// The vertices in a swell that runs through the hills: so gentle that the tree stays a good one
+    /// (beyond that `refitted` builds).
+    fn moved(&self) -> Vec<Vec3> {
+        let swell = |p: &Vec3| *p + 0.02 * Vec3::Z * (2.0 * p.x).sin();
+        self.positions.iter().map(swell).collect()
+    }
+
+    /// The kernel's rays per second over Embree's by its fastest entry, and its refit.
+    fn compare_embree(&self, primary: &[Ray], gather: &[Ray]) -> Option<()> {
+        let mut embree = Embree::start(&self.positions, &self.triangles)?;
+        println!("                    kernel    Embree  (Mrays/s)   ratio  target");
+        let passes = [
+            ("primary", primary, Query::Closest, 0.7),
+            ("gather closest", gather, Query::Closest, 0.85),
+            ("gather any", gather, Query::Any, 0.9),
+        ];
+        for (pass, rays, query, target) in passes {
+            embree.set_rays(rays)?;
+            let mut best = [Duration::MAX; 2];
+            for _ in 0..7 {
+                let start = Instant::now();
+                let own = match query {
+                    Query::Closest => f64::from(self.closest(rays)),
+                    Query::Any => self.any(rays) as f64,
+                };
+                best[0] = best[0].min(start.elapsed());
+                let (time, found) = embree.query(query)?;
+                best[1] = best[1].min(time);
+                let off = (own - found).abs() / found;
+                assert!(
+                    off < 1e-3,
+                    "{pass}: {own} {found}: other rays, or other hits"
+                );
+            }
+            let [ours, theirs] = best.map(|time| rays.len() as f64 / time.as_secs_f64() / 1e6);
+            println!(
+                "{pass:16} {ours:9.2} {theirs:9.2} {:20.2} {target:7.2}",
+                ours / theirs
+            );
+        }
+        self.compare_embree_refit(&mut embree)
+    }
+
+    fn compare_embree_refit(&self, embree: &mut Embree) -> Option<()> {
+        let moved = self.moved();
+        let mut best = [Duration::MAX; 2];
+        for _ in 0..5 {
+            let start = Instant::now();
+            let positions = Positions::still(&moved);
+            black_box(self.kernel.refitted(positions, &self.triangles));
+            best[0] = best[0].min(start.elapsed());
+            best[1] = best[1].min(embree.refit(&moved)?);
+        }
+        let [ours, theirs] = best.map(|time| 1e3 * time.as_secs_f64());
+        let ratio = theirs / ours;
+        println!(
+            "refit [ms]       {ours:9.2} {theirs:9.2} {ratio:20.2} {:7.2}",
+            1.0
+        );
+        Some(())
     }
 
     fn obvhs_closest(&self, rays: &[Ray]) -> f32 {
@@ -196,6 +261,7 @@ fn main() {
         let any = compare(&gather, |r| subject.any(r), |r| subject.obvhs_any(r));
         row("gather any", any);
         subject.compare_refit();
+        subject.compare_embree(&primary, &gather);
     }
 }
 
