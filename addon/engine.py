@@ -216,8 +216,7 @@ class Reader:
             self._renderer,
             engine.is_stopped,
             engine.frame_set,
-            # Frames that only lend make no passes.
-            order.recipe.passes if frame in order.targets else (),
+            passes.exported(order.recipe.passes, is_target=frame in order.targets),
         )
         for warning in exported.warnings:
             engine._warn(warning)

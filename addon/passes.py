@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, cast
 
 import bpy
@@ -11,6 +11,7 @@ import numpy as np
 
 from . import core
 from .export.matte import murmur3
+from .export.shader.layers import output_key
 
 # Passes that Blender already has a switch for; the others get one at `view_layer.dualcone`.
 BLENDER_SWITCH = {
@@ -154,9 +155,20 @@ def _levels(view_layer: Any, source: str) -> Iterator[tuple[str, str]]:
             yield f"{level:02}", f"{source}{level:02}"
 
 
+def _outputs(view_layer: Any, source: str) -> Iterator[tuple[str, str]]:
+    """The user's own passes, filled by nodes."""
+    for output in view_layer.aovs:
+        if output.is_valid and source == f"AOV {output.type.title()}":
+            yield str(output_key(output.name)), output.name
+
+
 # Rows of the contract of which a view layer may ask for several passes: their keys, and how Blender
 # calls them.
-KEYS = dict.fromkeys(CRYPTOMATTE, _levels)
+KEYS = {
+    **dict.fromkeys(CRYPTOMATTE, _levels),
+    "AOV Color": _outputs,
+    "AOV Value": _outputs,
+}
 
 
 def wanted(view_layer: bpy.types.ViewLayer, is_denoised: bool) -> Iterator[str]:
@@ -165,6 +177,15 @@ def wanted(view_layer: bpy.types.ViewLayer, is_denoised: bool) -> Iterator[str]:
     yield from sources
     if is_denoised:
         yield from (guide for guide in GUIDES if guide not in sources)
+
+
+def exported(sources: Iterable[str], *, is_target: bool) -> list[str]:
+    """Name the passes that matter to the export of a frame.
+
+    Frames that only lend make none; but what materials send to passes is compiled with them, once
+    for all frames.
+    """
+    return [source for source in sources if is_target or source.startswith("AOV")]
 
 
 def bytes_per_pixel(view_layer: bpy.types.ViewLayer) -> int:

@@ -370,6 +370,26 @@ class DUALCONE_PT_passes_cryptomatte(PassesPanel, bpy.types.Panel):
         levels.prop(view_layer, "pass_cryptomatte_depth", text="Levels")
 
 
+class DUALCONE_PT_passes_aov(PassesPanel, bpy.types.Panel):
+    """Passes that AOV Output nodes fill."""
+
+    bl_label = "Shader AOV"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw Blender's own list."""
+        layout = labelled_rows(self)
+        layer: Any = context.view_layer
+        row = layout.row()
+        row.column().template_list(
+            "VIEWLAYER_UL_aov", "aovs", layer, "aovs", layer, "active_aov_index", rows=2
+        )
+        buttons = row.column(align=True)
+        buttons.operator("scene.view_layer_add_aov", icon="ADD", text="")
+        buttons.operator("scene.view_layer_remove_aov", icon="REMOVE", text="")
+        if layer.active_aov and not layer.active_aov.is_valid:
+            layout.label(text="Conflicts with another pass of this name", icon="ERROR")
+
+
 CLASSES = (
     DUALCONE_OT_preset_add,
     DUALCONE_PT_sampling_presets,
@@ -386,6 +406,7 @@ CLASSES = (
     DUALCONE_PT_passes_data,
     DUALCONE_PT_passes_light,
     DUALCONE_PT_passes_cryptomatte,
+    DUALCONE_PT_passes_aov,
 )
 
 

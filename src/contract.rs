@@ -592,6 +592,8 @@ pub enum Keep {
     MeanSeen,
     /// The sum over the samples, to divide by that of another pass, which is then kept too.
     Over(&'static str),
+    /// The sums over the samples of several passes, for their means.
+    Means,
     /// Numbers that name things, and the sums of their weights over the samples: two things for each
     /// of several passes, the heaviest first.
     Ranked,
@@ -643,7 +645,7 @@ impl PassSpec {
 
     /// Whether there may be several passes of this row, told apart by a key behind its name.
     pub fn is_keyed(&self) -> bool {
-        self.keep == Keep::Ranked
+        matches!(self.keep, Keep::Means | Keep::Ranked)
     }
 }
 
@@ -663,7 +665,7 @@ const fn pass(
     }
 }
 
-use Keep::{Always, First, Mean, MeanSeen, Over, Ranked};
+use Keep::{Always, First, Mean, MeanSeen, Means, Over, Ranked};
 
 /// Every pass that can be rendered, called as Blender 5 calls it.
 #[rustfmt::skip] // One line each.
@@ -691,6 +693,8 @@ pub const PASSES: &[PassSpec] = &[
     pass("CryptoObject", "rgba", "COLOR", Ranked, "Cryptomatte: names of two objects and the shares of the pixel that they cover; `CryptoObject.00` has the two that cover most."),
     pass("CryptoMaterial", "rgba", "COLOR", Ranked, "The same of materials."),
     pass("CryptoAsset", "rgba", "COLOR", Ranked, "The same of assets: objects with all their children."),
+    pass("AOV Color", "RGBA", "COLOR", Means, "Colour that AOV Output nodes send to a pass of the user's own, `AOV Color.` and the hash of its name; alpha is the share of surfaces that send any."),
+    pass("AOV Value", "X", "VALUE", Means, "The same of a number."),
     pass("Albedo", "RGB", "COLOR", Always, "Mean share of light that the surface reflects."),
     pass("Noisy Image", "RGBA", "COLOR", Always, "Combined before denoising."),
     pass("Sample Count", "X", "VALUE", Always, "Camera rays of the pixel."),

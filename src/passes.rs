@@ -7,9 +7,10 @@ use glam::{Affine3A, Vec2, Vec3A};
 
 use crate::accel::Hit;
 use crate::film::{Extra, Layout, Region, Row};
+use crate::math::Ray;
 use crate::path::Divided;
 use crate::scene::{Flow, SceneFrame, interpolate};
-use crate::surface::Surface;
+use crate::surface::{self, Surface};
 
 /// What a camera ray saw.
 #[derive(Clone, Copy)]
@@ -20,8 +21,8 @@ pub struct Seen<'a> {
     pub region: Region,
     /// The surface; none where the background shows, or a hole.
     pub surface: Option<&'a Surface>,
-    /// Where the ray goes; nowhere outside of a fisheye's picture.
-    pub direction: Option<Vec3A>,
+    /// The ray; none outside of a fisheye's picture.
+    pub ray: Option<&'a Ray>,
     /// Share of its light that what lies in front lets pass, over the probability of seeing it.
     pub share: f32,
 }
@@ -72,6 +73,28 @@ pub fn add_mattes(extra: &mut Extra, seen: &Seen) {
     if let Some(&name) = material.and_then(|number| mattes.materials.get(number as usize)) {
         extra.add_ranked(MATERIAL, name, weight);
     }
+}
+
+const OUTPUT_COLOR: Row = Row::of("AOV Color");
+const OUTPUT_VALUE: Row = Row::of("AOV Value");
+
+/// Adds what the nodes of the surface send to passes of the user's own.
+pub fn add_outputs(extra: &mut Extra, iteration: u32, seen: &Seen) {
+    let layout = extra.layout;
+    let (Some(surface), Some(ray)) = (seen.surface, seen.ray) else {
+        return;
+    };
+    if !layout.keeps(OUTPUT_COLOR) && !layout.keeps(OUTPUT_VALUE) {
+        return;
+    }
+    surface::outputs(seen.frame, &surface.hit, ray, &mut |name, color, value| {
+        if let Some(key) = layout.key_of(OUTPUT_COLOR, name) {
+            extra.add_to(OUTPUT_COLOR, key, iteration, &color.extend(1.0).to_array());
+        }
+        if let Some(key) = layout.key_of(OUTPUT_VALUE, name) {
+            extra.add_to(OUTPUT_VALUE, key, iteration, &[value]);
+        }
+    });
 }
 
 /// Diffuse, glossy, transmission; each straight from its source, by way of other surfaces, and the
@@ -171,7 +194,7 @@ fn vector(seen: &Seen) -> Option<[f32; 4]> {
         Some(surface) => surface_on_film(seen.frame, flow, &surface.hit),
         None => {
             let [before, after] = &flow.cameras;
-            [before, &seen.frame.camera, after].map(|c| c.project_direction(seen.direction?))
+            [before, &seen.frame.camera, after].map(|c| c.project_direction(seen.ray?.direction))
         }
     };
     let Region {

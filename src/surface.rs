@@ -231,7 +231,7 @@ impl Surface {
             }
             Closure::Emission(radiance) => self.emission += radiance * scale,
             Closure::Holdout(weight) => self.holdout += weight * scale,
-            Closure::Transparent(_) | Closure::Volume(_) => {}
+            Closure::Transparent(_) | Closure::Volume(_) | Closure::Output { .. } => {}
         }
     }
 }
@@ -364,6 +364,22 @@ fn bumped_normal(frame: &SceneFrame, hit: &Hit, point: &Point) -> Vec3A {
     normal_at(point, normal)
 }
 
+/// Hands over what passes of the user's own show of a camera ray's hit: name, colour and number.
+pub fn outputs(frame: &SceneFrame, hit: &Hit, ray: &Ray, emit: &mut dyn FnMut(u32, Vec3A, f32)) {
+    let material = frame.material_of(hit.instance, hit.triangle);
+    let Some(material) = material.filter(|material| !material.output.is_empty()) else {
+        return;
+    };
+    let facet = Facet::new(frame, hit.instance, hit.triangle, ray.time);
+    let info = RayInfo::default();
+    let point = point_of(&facet, hit, ray, &info);
+    material.output.run(&point, &frame.images, &mut |closure| {
+        if let Closure::Output { name, color, value } = *closure {
+            emit(name, color, value);
+        }
+    });
+}
+
 fn add_glossy(bsdf: &mut Bsdf, glossy: &Glossy, weight: Vec3A, point: &Point) {
     let normal = normal_at(point, glossy.normal);
     let turn = Quat::from_axis_angle(normal.into(), TAU * glossy.rotation);
@@ -486,7 +502,7 @@ fn other_weights(frame: &SceneFrame, material: &Material, point: &Point) -> f32 
             | Closure::Sheen { weight, .. }
             | Closure::Holdout(weight) => *weight,
             Closure::Emission(radiance) => radiance.max_element().min(1.0),
-            Closure::Transparent(_) | Closure::Volume(_) => 0.0,
+            Closure::Transparent(_) | Closure::Volume(_) | Closure::Output { .. } => 0.0,
         };
     });
     sum

@@ -70,7 +70,8 @@ def export_frame(
     arrays = export_camera(depsgraph, resolution, warnings)
     images = ImageTable(cache, core, warnings, frame)
     mattes = Mattes() if any(name.startswith("Crypto") for name in passes) else None
-    materials = MaterialTable(depsgraph, cache, core, images, warnings, mattes)
+    outputs = frozenset(int(name.partition(".")[2]) for name in passes if name.startswith("AOV"))
+    materials = MaterialTable(depsgraph, cache, core, images, warnings, outputs, mattes)
     lights = LightTable(warnings, materials)
     has_flow = move is not None and "Vector" in passes
     instances = InstanceTable(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -13,11 +13,12 @@ import numpy as np
 from .cache import ExportCache
 from .image import ImageTable
 from .matte import MATERIAL, NO_MATERIAL, Mattes
-from .nodes import RecursiveGroup, Source, active_output, find_input, surface
+from .nodes import RecursiveGroup, Source, active_output, find_input, nodes_of, surface
 from .report import Warnings
 from .shader import Compiler, Operations, Program, Programs, compile_surface, compile_volume
 from .shader.closures import DEFAULT_SURFACE, diffuse_surface
 from .shader.compiler import ONE
+from .shader.layers import output_key
 from .shader.nodes import displaced_normal
 
 
@@ -30,6 +31,8 @@ class MaterialTable:
     core: Any
     images: ImageTable
     warnings: Warnings
+    # Hashes of the names of the user's own passes that are asked for.
+    outputs: frozenset[int] = frozenset()
     # Where Cryptomatte's names are noted, if they are asked for.
     mattes: Mattes | None = None
     programs: Programs = field(default_factory=Programs)
@@ -48,7 +51,13 @@ class MaterialTable:
         uid = material.original.session_uid if material else 0  # Blender counts from one
         name, pass_index = (material.name, material.pass_index) if material else ("", 0)
         compiler = Compiler(name, pass_index, self._operations)
-        return self._row(uid, compiler, lambda: compile_material(compiler, material))
+
+        def write() -> None:
+            compile_material(compiler, material)
+            if self.outputs and material and uses_nodes(material):
+                compile_outputs(compiler, material, self.outputs)
+
+        return self._row(uid, compiler, write)
 
     def index_of_light(self, light: bpy.types.Light) -> int:
         """Row of an evaluated light's nodes, which are compiled as a material's."""
@@ -112,6 +121,20 @@ def compile_material(compiler: Compiler, material: bpy.types.Material | None) ->
         diffuse_surface(compiler, (red, green, blue))
     else:
         compile_nodes(compiler, material)
+
+
+def compile_outputs(
+    compiler: Compiler, material: bpy.types.Material, wanted: Collection[int]
+) -> None:
+    """Write what the AOV Output nodes send to passes of these names (hashes)."""
+    try:
+        for node in nodes_of(material.node_tree, "ShaderNodeOutputAOV"):
+            key = output_key(node.node.aov_name)
+            if key in wanted:
+                color, value = compiler.input(node, "Color"), compiler.input(node, "Value")
+                compiler.emit("output", color, value, parameter=key)
+    except (RecursiveGroup, RecursionError):
+        pass  # The surface's own compilation has told the user.
 
 
 def compile_nodes(

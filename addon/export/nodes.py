@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import bpy
@@ -46,10 +47,10 @@ class Constant:
 
 @dataclass(frozen=True)
 class Source:
-    """An output of a node that computes something."""
+    """An output of a node that computes something, or a node without outputs."""
 
     node: bpy.types.Node
-    output: bpy.types.NodeSocket
+    output: bpy.types.NodeSocket | None
     groups: tuple[bpy.types.Node, ...]
     # Types of the sockets of groups that the value passes on its way.
     through: tuple[str, ...] = ()
@@ -139,6 +140,24 @@ def surface(tree: bpy.types.NodeTree | None) -> Source | None:
     socket = output and find_input(output, "Surface")
     end = socket and socket.follow()
     return end if isinstance(end, Source) else None
+
+
+def nodes_of(
+    tree: bpy.types.NodeTree | None, kind: str, groups: tuple[bpy.types.Node, ...] = ()
+) -> Iterator[Source]:
+    """The nodes of a type in a tree and in its groups, but for muted ones.
+
+    Raises RecursiveGroup where a group contains itself.
+    """
+    for node in tree.nodes if tree else ():
+        if node.mute:
+            continue
+        if node.bl_idname == kind:
+            yield Source(node, None, groups)
+        elif node.bl_idname == "ShaderNodeGroup":
+            if any(group.node_tree == node.node_tree for group in groups):
+                raise RecursiveGroup(node.node_tree.name)
+            yield from nodes_of(node.node_tree, kind, (*groups, node))
 
 
 def _group_output(group: bpy.types.Node) -> bpy.types.Node | None:

@@ -29,7 +29,7 @@ impl Row {
         match self.spec().keep {
             Keep::Always => 0,
             Keep::MeanSeen => channels + 1,
-            Keep::First | Keep::Mean | Keep::Over(_) | Keep::Ranked => channels,
+            _ => channels,
         }
     }
 }
@@ -65,6 +65,8 @@ struct Place {
     /// What stands behind the row's name in those of the passes, in the order of their numbers; one
     /// that is empty for most rows, none where the row is not kept.
     keys: Vec<String>,
+    /// The keys that are numbers.
+    numbers: Vec<Option<u32>>,
 }
 
 impl Layout {
@@ -90,6 +92,7 @@ impl Layout {
         let mut stride = 0;
         for (row, place) in places.iter_mut().enumerate() {
             place.start = stride;
+            place.numbers = place.keys.iter().map(|key| key.parse().ok()).collect();
             stride += Row(row).width() * place.keys.len();
         }
         Ok(Self { places, stride })
@@ -107,9 +110,10 @@ impl Layout {
         !self.places[row.0].keys.is_empty()
     }
 
-    /// What stands behind the row's name in those of the passes that are kept.
-    pub fn keys(&self, row: Row) -> &[String] {
-        &self.places[row.0].keys
+    /// The place of the pass whose key is this number among those of its row.
+    pub fn key_of(&self, row: Row, number: u32) -> Option<usize> {
+        let numbers = &self.places[row.0].numbers;
+        numbers.iter().position(|known| *known == Some(number))
     }
 
     /// Numbers that each pixel keeps.
@@ -181,7 +185,8 @@ pub fn resolve(layout: &Layout, numbers: &[f32], name: &str, samples: u32) -> Ve
         return Vec::new();
     };
     let row = Row::of(spec.name);
-    let key = layout.keys(row).iter().position(|known| known == key);
+    let keys = &layout.places[row.0].keys;
+    let key = keys.iter().position(|known| known == key);
     let (Some(range), Some(key)) = (layout.range(row), key) else {
         return Vec::new();
     };
@@ -198,7 +203,7 @@ pub fn resolve(layout: &Layout, numbers: &[f32], name: &str, samples: u32) -> Ve
         values[..channels].copy_from_slice(&sums[..channels]);
         match spec.keep {
             Keep::Always | Keep::First => values,
-            Keep::Mean => values.map(|v| v * mean),
+            Keep::Mean | Keep::Means => values.map(|v| v * mean),
             Keep::MeanSeen => values.map(|v| v / sums[channels].max(1.0)),
             Keep::Over(_) => match &divisor {
                 Some(divisor) => even_quotient(values, &pixel[divisor.clone()]),

@@ -56,8 +56,8 @@ pub struct View<'a> {
 pub struct Shot {
     /// The numbers of this iteration of this pixel.
     pub sampler: Sampler,
-    /// Where the ray goes; nowhere outside of a fisheye's picture.
-    pub direction: Option<Vec3A>,
+    /// The ray; none outside of a fisheye's picture.
+    pub ray: Option<Ray>,
     /// Share of the light from its end that what it passed lets through, over the probability of
     /// passing.
     pub share: f32,
@@ -93,7 +93,7 @@ impl Shot {
     fn outside(sampler: Sampler) -> Self {
         Self {
             sampler,
-            direction: None,
+            ray: None,
             share: 1.0,
             surface: None,
             seen: Sighting::BACKGROUND,
@@ -222,7 +222,7 @@ impl View<'_> {
         Shot {
             below: surface.as_ref().and_then(below),
             sampler,
-            direction: Some(ray.direction),
+            ray: Some(ray),
             share: passed.share(distance).element_sum() / 3.0,
             surface,
             seen,
@@ -258,12 +258,13 @@ impl View<'_> {
                 frame: self.tracer.frame,
                 region: self.region,
                 surface: shot.surface.as_ref().filter(|s| !s.is_medium),
-                direction: shot.direction,
+                ray: shot.ray.as_ref(),
                 share: shot.share,
             };
             let extra = &mut pixel.extra;
             passes::add_data(extra, iteration, &seen);
             passes::add_mattes(extra, &seen);
+            passes::add_outputs(extra, iteration, &seen);
             passes::add_seen_light(extra, iteration, shot.emission, shot.environment);
             if let Some(surface) = seen.surface {
                 passes::add_colors(extra, iteration, surface);

@@ -76,6 +76,8 @@ pub struct Material {
     pub emission: Program,
     /// What fills a body of it.
     pub medium: Option<Medium>,
+    /// What passes of the user's own show of it.
+    pub output: Program,
     /// Its pass index.
     pub pass_index: f32,
 }
@@ -88,6 +90,7 @@ impl Material {
             transparency: draft.program(Use::Transparency),
             emission: draft.program(Use::Emission),
             medium: Medium::of(&draft.program(Use::Volume)),
+            output: draft.program(Use::Output),
             pass_index: 0.0,
         }
     }

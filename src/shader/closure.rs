@@ -45,6 +45,8 @@ pub enum Closure {
     Volume(Volume),
     /// Share of the surface that is a hole in the picture.
     Holdout(f32),
+    /// Neither: what the passes of a name show, as a colour or as a number.
+    Output { name: u32, color: Vec3A, value: f32 },
 }
 
 /// Inputs of Blender's Glossy BSDF.

@@ -22,7 +22,7 @@ pub enum Parameter {
     Image,
     /// First row of a table of [`super::TABLE_SIZE`] rows.
     Table,
-    /// A layer of the mesh.
+    /// A layer of the mesh, or a pass of the user's own, by the hash of its name.
     Attribute,
 }
 
@@ -226,4 +226,5 @@ pub static OPERATIONS: &[Operation] = &[
     closure("transparent", &["Weight", "Color"], None, closures::transparent),
     closure("volume", &["Weight", "Scatter", "Absorption", "Emission", "Anisotropy"], None, closures::volume),
     closure("holdout", &["Weight"], None, closures::holdout),
+    closure("output", &["Color", "Value"], Attribute, closures::output),
 ];

@@ -38,15 +38,18 @@ pub enum Use {
     Emission,
     /// What fills the body.
     Volume,
+    /// What passes of the user's own show.
+    Output,
 }
 
 impl Use {
     fn wants(self, name: &str) -> bool {
         match self {
-            Use::Surface => name != "transparent" && name != "volume",
+            Use::Surface => !matches!(name, "transparent" | "volume" | "output"),
             Use::Transparency => name == "transparent",
             Use::Emission => name == "emission",
             Use::Volume => name == "volume",
+            Use::Output => name == "output",
         }
     }
 }
@@ -415,6 +418,7 @@ impl Draft {
             index.is_some_and(|index| self.constants[index as usize] == Vec3A::ZERO)
         };
         let factors = match closure.operation.name {
+            "output" => 0,
             "emission" | "transparent" => 2,
             _ => 1,
         };

@@ -79,6 +79,7 @@ def add_moving_cube() -> None:
 def add_deforming_tube() -> None:
     bpy.ops.mesh.primitive_cylinder_add(radius=0.8, depth=2.0, location=(2.0, 0.5, 1.0))
     tube: Any = bpy.context.object
+    tube.pass_index = 9
     tube.data.uv_layers.remove(tube.data.uv_layers[0])
     tube.shape_key_add(name="Basis")
     key = tube.shape_key_add(name="Tall")
@@ -367,6 +368,47 @@ def test_cryptomatte_ranks_by_weight(masked: Any) -> None:
     exr = render(masked, "DUALCONE", 64)
     total = np.sum(list(coverage(exr, "CryptoObject").values()), axis=0)
     np.testing.assert_allclose(total, exr.layer("Combined")[..., 3], atol=1e-5)
+
+
+@pytest.fixture
+def marked(stage: Any) -> Any:
+    """Let nodes fill passes: a colour by place, a number from a group; nothing on the cube."""
+    layer = stage.view_layers[0]
+    for name, kind in (("Stripes", "COLOR"), ("Height", "VALUE"), ("Nothing", "COLOR")):
+        aov = layer.aovs.add()
+        aov.name, aov.type = name, kind
+    tube = bpy.data.objects["Cylinder"]
+    tube.data.materials.append(material("Tube", 1))
+    for owner in ("Plane", "Cylinder"):
+        tree = bpy.data.objects[owner].data.materials[0].node_tree
+        geometry = tree.nodes.new("ShaderNodeNewGeometry")
+        color = tree.nodes.new("ShaderNodeOutputAOV")
+        color.aov_name = "Stripes"
+        tree.links.new(geometry.outputs["Position"], color.inputs["Color"])
+    group = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
+    group.interface.new_socket("Way", in_out="INPUT", socket_type="NodeSocketFloat")
+    value = group.nodes.new("ShaderNodeOutputAOV")
+    value.aov_name = "Height"
+    inside = group.nodes.new("NodeGroupInput")
+    group.links.new(inside.outputs[0], value.inputs["Value"])
+    tree = tube.data.materials[0].node_tree
+    outside = tree.nodes.new("ShaderNodeGroup")
+    outside.node_tree = group
+    outside.inputs[0].default_value = -2.5
+    return stage
+
+
+@pytest.mark.parametrize("method", ["PATH", "DUAL_CONE"])
+def test_aov_outputs_are_those_of_cycles(marked: Any, method: str) -> None:
+    switch_on(marked, "use_pass_object_index")
+    marked.dualcone.method = method
+    ours, theirs = render(marked, "DUALCONE", 64), render(marked, "CYCLES", 64)
+    assert ours.layers() == theirs.layers() >= {"Stripes", "Height", "Nothing"}
+    inside = interior(ours) & interior(theirs)
+    for name, tolerance, largest in (("Stripes", 0.15, 3.0), ("Height", 0.0, 2.0)):
+        assert np.abs(theirs.layer(name)[inside]).max() > largest
+        assert errors((ours, theirs), name)[inside].max() <= tolerance, name
+    assert not ours.layer("Nothing").any()
 
 
 def errors(pair: tuple[Exr, Exr], name: str) -> NDArray[Any]:

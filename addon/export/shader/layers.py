@@ -17,3 +17,8 @@ def layer_key(layer: str) -> int:
     if layer == ACTIVE_UV:
         return 0
     return int.from_bytes(hashlib.blake2b(layer.encode(), digest_size=4).digest(), "little")
+
+
+def output_key(name: str) -> int:
+    """Number by which programs name a pass of the user's own."""
+    return layer_key(f"output:{name}")

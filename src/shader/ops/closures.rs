@@ -149,6 +149,14 @@ pub fn transparent(a: &Args) -> Closure {
     Closure::Transparent((weight(a) * vector(a, 1)).max(Vec3A::ZERO))
 }
 
+pub fn output(a: &Args) -> Closure {
+    Closure::Output {
+        name: a.parameter,
+        color: vector(a, 0),
+        value: float(a, 1),
+    }
+}
+
 pub fn holdout(a: &Args) -> Closure {
     Closure::Holdout(weight(a))
 }
