@@ -34,6 +34,12 @@ BLENDER_SWITCH = {
     "Transmission Color": "use_pass_transmission_color",
     "Emission": "use_pass_emit",
     "Environment": "use_pass_environment",
+    "Ambient Occlusion": "use_pass_ambient_occlusion",
+}
+# Passes with a switch of Cycles, which counts too: files that were made for it have it set.
+CYCLES_SWITCH = {
+    "Volume Direct": "use_pass_volume_direct",
+    "Volume Indirect": "use_pass_volume_indirect",
 }
 # The same for passes of which there are several.
 CRYPTOMATTE = {
@@ -57,6 +63,9 @@ NAMES_BEFORE_5 = {
     "Transmission Color": "TransCol",
     "Emission": "Emit",
     "Environment": "Env",
+    "Volume Direct": "VolumeDir",
+    "Volume Indirect": "VolumeInd",
+    "Ambient Occlusion": "AO",
 }
 # Passes of light: of what surfaces scatter, and of what is seen where it comes from.
 SCATTERED_LIGHT = tuple(
@@ -64,7 +73,7 @@ SCATTERED_LIGHT = tuple(
     for part in ("Diffuse", "Glossy", "Transmission")
     for way in ("Direct", "Indirect", "Color")
 )
-OTHER_LIGHT = ("Emission", "Environment")
+OTHER_LIGHT = ("Emission", "Environment", "Ambient Occlusion", *CYCLES_SWITCH)
 LIGHT = (*SCATTERED_LIGHT, *OTHER_LIGHT)
 # Methods that tell the parts of scattered light apart.
 DIVIDING_METHODS = ("DUAL_CONE", "PATH")
@@ -124,12 +133,17 @@ def switch(view_layer: bpy.types.ViewLayer, source: str) -> tuple[Any, str]:
 
 def is_enabled(view_layer: bpy.types.ViewLayer, source: str) -> bool:
     """Tell whether a view layer asks for a pass of the contract."""
-    return source == "Combined" or source in KEYS or getattr(*switch(view_layer, source))
+    if source == "Combined" or source in KEYS:
+        return True
+    cycles = getattr(view_layer, "cycles", None)
+    wants_cycles = getattr(cycles, CYCLES_SWITCH.get(source, ""), False)
+    return wants_cycles or getattr(*switch(view_layer, source))
 
 
 def problems(view_layer: bpy.types.ViewLayer, method: str) -> Iterator[str]:
     """Name the passes that a view layer asks for and will not get."""
-    asked = [p.name for p in enabled_passes(view_layer) if p.source in SCATTERED_LIGHT]
+    divided = (*SCATTERED_LIGHT, *CYCLES_SWITCH)
+    asked = [p.name for p in enabled_passes(view_layer) if p.source in divided]
     asked = [name for name in asked if not name.endswith(("Color", "Col"))]
     if asked and method not in DIVIDING_METHODS:
         names = ", ".join(asked)

@@ -335,7 +335,7 @@ class DUALCONE_PT_passes_data(PassesPanel, bpy.types.Panel):
         known = [p.source for p in passes.all_passes() if p.source in passes.BLENDER_SWITCH]
         data = [source for source in known if source not in passes.LIGHT]
         self.draw_switches(layout, context.view_layer, "Include", data)
-        own = [p.source for p in passes.own_passes()]
+        own = [p.source for p in passes.own_passes() if p.source not in passes.LIGHT]
         self.draw_switches(layout, context.view_layer, "DualCone", own)
 
 

@@ -542,6 +542,13 @@ pub const FRAME: &[ArraySpec] = &[
         "Distance at which the world's mist begins, how far from there it hides everything, and the power of the share of the way.",
     ),
     array(
+        "ambient_distance",
+        F32,
+        &[],
+        "m",
+        "How far away what is near may be, for the pass Ambient Occlusion.",
+    ),
+    array(
         "environment_from_world",
         F32,
         &["3", "3"],
@@ -690,6 +697,9 @@ pub const PASSES: &[PassSpec] = &[
     pass("Transmission Color", "RGB", "COLOR", Mean, "Share of light that is refracted."),
     pass("Emission", "RGB", "COLOR", Mean, "Light of glowing surfaces and lamps that the camera sees."),
     pass("Environment", "RGB", "COLOR", Mean, "Light of the world that the camera sees."),
+    pass("Volume Direct", "RGB", "COLOR", Mean, "Light that comes straight from its source and is scattered by media."),
+    pass("Volume Indirect", "RGB", "COLOR", Mean, "The same of light that comes by way of other places."),
+    pass("Ambient Occlusion", "RGB", "COLOR", Mean, "Share of directions above the surface in which nothing is near, weighted by their cosine."),
     pass("CryptoObject", "rgba", "COLOR", Ranked, "Cryptomatte: names of two objects and the shares of the pixel that they cover; `CryptoObject.00` has the two that cover most."),
     pass("CryptoMaterial", "rgba", "COLOR", Ranked, "The same of materials."),
     pass("CryptoAsset", "rgba", "COLOR", Ranked, "The same of assets: objects with all their children."),
@@ -709,7 +719,14 @@ pub fn always_kept() -> Vec<String> {
 }
 
 /// Passes of light, beside those that are divided by a colour.
-const LIGHT: &[&str] = &["Combined", "Noisy Image", "Emission", "Environment"];
+const LIGHT: &[&str] = &[
+    "Combined",
+    "Noisy Image",
+    "Emission",
+    "Environment",
+    "Volume Direct",
+    "Volume Indirect",
+];
 
 macro_rules! settings {
     ($($(#[doc = $doc:literal])+ $name:ident: $type:ty = $kind:expr, $label:literal;)+) => {

@@ -116,6 +116,10 @@ const SCATTERED: [[Row; 3]; 3] = [
         Row::of("Transmission Color"),
     ],
 ];
+/// The same for media, which are no part of that: straight from its source, by way of other places.
+const MEDIUM: [Row; 2] = [Row::of("Volume Direct"), Row::of("Volume Indirect")];
+/// What ambient light reaches the surface.
+pub const AMBIENT: Row = Row::of("Ambient Occlusion");
 const EMISSION: Row = Row::of("Emission");
 const ENVIRONMENT: Row = Row::of("Environment");
 
@@ -123,12 +127,20 @@ const ENVIRONMENT: Row = Row::of("Environment");
 pub fn wants_scattered(layout: &Layout) -> bool {
     let rows = SCATTERED
         .iter()
-        .flat_map(|[direct, indirect, _]| [direct, indirect]);
+        .flat_map(|[direct, indirect, _]| [direct, indirect])
+        .chain(&MEDIUM);
     layout.stride() > 0 && rows.into_iter().any(|row| layout.keeps(*row))
 }
 
 /// Adds light that a surface sent to the camera.
 pub fn add_scattered(extra: &mut Extra, iteration: u32, light: &Divided) {
+    if light.is_of_medium {
+        for (row, parts) in MEDIUM.iter().zip([&light.direct, &light.indirect]) {
+            let sum: Vec3A = parts.iter().sum();
+            extra.add(*row, iteration, &sum.to_array());
+        }
+        return;
+    }
     let parts = SCATTERED
         .iter()
         .zip(light.direct.iter().zip(&light.indirect));

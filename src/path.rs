@@ -157,6 +157,8 @@ impl Continuation {
 /// Light that a surface sends to the camera, as passes divide it: see [`LobeValues::by_pass`].
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Divided {
+    /// Whether a medium scattered it.
+    pub is_of_medium: bool,
     /// Straight from its source.
     pub direct: [Vec3A; 3],
     /// By way of other surfaces.
@@ -164,6 +166,14 @@ pub struct Divided {
 }
 
 impl Divided {
+    /// Nothing yet, from this surface.
+    pub fn of(surface: &Surface) -> Self {
+        Self {
+            is_of_medium: surface.is_medium,
+            ..Self::default()
+        }
+    }
+
     /// Adds light (straight from its source, by way of other surfaces) that is scattered by these
     /// values times `scale`.
     pub fn add(&mut self, values: &LobeValues, [direct, indirect]: [Vec3A; 2], scale: f32) {
@@ -805,6 +815,13 @@ impl<'a> Tracer<'a> {
             transmission: values.transmission * radiance * weight(light, own.own),
             translucent: values.translucent * radiance * weight(light, own.own),
         }
+    }
+
+    /// Share of light from `distance` [m] on that arrives at a surface from a direction.
+    pub fn ambient(&self, surface: &Surface, direction: Vec3A, distance: f32) -> Vec3A {
+        let mut ray = surface.ray_towards(direction);
+        ray.t_max = distance;
+        self.lit_share(&ray, &Bounces::default(), Links::default())
     }
 
     /// Share of a light's radiance that arrives.

@@ -24,7 +24,7 @@ from .report import Warnings
 from .shader.layers import ACTIVE_UV
 from .shutter import SetTime, read_shutter, set_time
 from .simulation import warn_of_unbaked
-from .world import export_world, mist
+from .world import ambient_distance, export_world, mist
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def export_frame(
     world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
     arrays["world_material"] = np.array(materials.index_of_world(world), np.int32)
     arrays |= instances.arrays() | materials.arrays() | lights.arrays() | still_arrays()
-    arrays |= still_flow() | {"mist": mist(world)}
+    arrays |= still_flow() | {"mist": mist(world), "ambient_distance": ambient_distance(world)}
     arrays |= export_world(world, images, time, warnings, should_stop).arrays()
     # The flow first: motion gives instances other meshes.
     if move and has_flow:

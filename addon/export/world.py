@@ -56,6 +56,11 @@ def mist(world: bpy.types.World | None) -> np.ndarray:
     return np.array([settings.start, settings.depth, FALLOFF[settings.falloff]], np.float32)
 
 
+def ambient_distance(world: bpy.types.World | None) -> np.ndarray:
+    """`ambient_distance` of the contract; without a world there is no limit."""
+    return np.array(world.light_settings.distance if world else 1e30, np.float32)
+
+
 class _NotPlain(Exception):
     """More than the arrays of the contract can say."""
 

@@ -19,7 +19,8 @@ use rayon::prelude::*;
 use crate::contract::{Method, Settings};
 use crate::error::{Error, Result};
 use crate::film::{Caught, Film, FilmRow, Pixel, Region, Sighting};
-use crate::math::{PixelFilter, Ray};
+use crate::math::warp::sample_cosine_hemisphere;
+use crate::math::{Frame, PixelFilter, Ray};
 use crate::passes::{self, Seen};
 use crate::path::{Bounces, Divided, Reflected, Tracer, take_rays};
 use crate::progress::Progress;
@@ -190,7 +191,7 @@ impl View<'_> {
         let lamps: Vec3A = lamps.map(|lamp| passed.share(lamp.t) * lamp.radiance).sum();
         let is_hole = |surface: &Surface| {
             let instance = surface.hit.instance as usize;
-            tracer.frame.instances[instance].is_holdout
+            !surface.is_medium && tracer.frame.instances[instance].is_holdout
         };
         let hidden_background = tracer.settings.film_transparent;
         let (is_held_out, surface) = match surface {
@@ -268,8 +269,25 @@ impl View<'_> {
             passes::add_seen_light(extra, iteration, shot.emission, shot.environment);
             if let Some(surface) = seen.surface {
                 passes::add_colors(extra, iteration, surface);
+                if extra.layout.keeps(passes::AMBIENT) {
+                    let ambient = shot.share * self.ambient(surface, &shot.sampler);
+                    extra.add(passes::AMBIENT, iteration, &ambient.to_array());
+                }
             }
         }
+    }
+
+    /// Share of even light from all sides that reaches a surface, by one ray.
+    fn ambient(&self, surface: &Surface, sampler: &Sampler) -> Vec3A {
+        let bsdf = &surface.bsdf;
+        let normal = match bsdf.albedo_lambert() == Vec3A::ZERO {
+            true => surface.normal,
+            false => bsdf.lambert_normal(),
+        };
+        let local = sample_cosine_hemisphere(sampler.scatter(0).direction);
+        let direction = Frame::from_normal(normal).to_world(local);
+        let distance = self.tracer.frame.passes.ambient_distance;
+        self.tracer.ambient(surface, direction, distance)
     }
 
     fn sighting(&self, surface: &Surface) -> Sighting {

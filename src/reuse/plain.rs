@@ -69,7 +69,8 @@ impl Plain {
         let mut radiance = shot.radiance();
         if let Some(surface) = &shot.surface {
             let is_divided = passes::wants_scattered(pixel.extra.layout);
-            let (mut sum, mut divided) = (Vec3A::ZERO, Divided::default());
+            let mut sum = Vec3A::ZERO;
+            let mut divided = Divided::of(surface);
             for gather in 0..self.gathers {
                 // Consecutive, so that all gathers of a pixel are stratified against each other.
                 let index = iteration * self.gathers + gather;

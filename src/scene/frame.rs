@@ -108,6 +108,7 @@ impl SceneFrame {
             frame,
             passes: ForPasses {
                 mist: mist(&arrays),
+                ambient_distance: arrays.f32s("ambient_distance")[0],
                 flow: flow(&arrays, &camera, &instances, &meshes)?,
                 mattes: Mattes {
                     instances: arrays.f32s("instance_mattes").as_chunks().0.to_vec(),

@@ -9,6 +9,8 @@ use super::Camera;
 pub struct ForPasses {
     /// The world's mist.
     pub mist: Mist,
+    /// How far away what is near may be [m].
+    pub ambient_distance: f32,
     /// Where things are in the frames around, if a pass asks for it.
     pub flow: Option<Flow>,
     /// Cryptomatte's names of things, if a pass asks for them.

@@ -613,6 +613,7 @@ impl<V: Vector, const DIVIDED: bool> Sums<V, DIVIDED> {
         let gloss = mean(self.gloss_weight, &self.gloss_indirect);
         let zero = Vec3A::ZERO;
         let light = Divided {
+            is_of_medium: false,
             direct: [
                 albedo * (self.irradiance() - irradiance),
                 self.gloss() - gloss,

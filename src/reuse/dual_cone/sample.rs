@@ -136,7 +136,10 @@ impl<'a> Pass<'a> {
             |s: &Surface| !s.bsdf.is_black() && s.bsdf.probability_lambert() >= LEAST_LAMBERT;
         let lending = own.as_ref().map(|(_, lending)| *lending);
         let is_divided = |(pixel, _): &(Pixel, _)| passes::wants_scattered(pixel.extra.layout);
-        let mut divided = (own.as_ref().is_some_and(is_divided)).then(Divided::default);
+        let mut divided = match &shot.surface {
+            Some(surface) if own.as_ref().is_some_and(is_divided) => Some(Divided::of(surface)),
+            _ => None,
+        };
         let mut effective_samples = 1.0;
         let reflected = match &shot.surface {
             Some(surface) if shares(surface) => {
