@@ -47,6 +47,11 @@ CRYPTOMATTE = {
     "CryptoMaterial": "use_pass_cryptomatte_material",
     "CryptoAsset": "use_pass_cryptomatte_asset",
 }
+# Switches of Cycles for passes that are not rendered yet.
+MISSING = {
+    "use_pass_shadow_catcher": "Shadow Catcher",
+    "denoising_store_passes": "Denoising Data",
+}
 # What Blender called passes before version 5, where that was another name: files and the sockets of
 # its compositor go by these.
 NAMES_BEFORE_5 = {
@@ -140,8 +145,17 @@ def is_enabled(view_layer: bpy.types.ViewLayer, source: str) -> bool:
     return wants_cycles or getattr(*switch(view_layer, source))
 
 
+def missing(view_layer: bpy.types.ViewLayer) -> Iterator[str]:
+    """Name the passes that a view layer asks for and that are not rendered yet."""
+    cycles = getattr(view_layer, "cycles", None)
+    yield from (name for switch, name in MISSING.items() if getattr(cycles, switch, False))
+    yield from (f"Combined_{group.name}" for group in view_layer.lightgroups)
+
+
 def problems(view_layer: bpy.types.ViewLayer, method: str) -> Iterator[str]:
-    """Name the passes that a view layer asks for and will not get."""
+    """Tell of the passes that a view layer asks for and will not get."""
+    if lost := ", ".join(missing(view_layer)):
+        yield f"Not rendered yet of the passes of '{view_layer.name}': {lost}"
     divided = (*SCATTERED_LIGHT, *CYCLES_SWITCH)
     asked = [p.name for p in enabled_passes(view_layer) if p.source in divided]
     asked = [name for name in asked if not name.endswith(("Color", "Col"))]

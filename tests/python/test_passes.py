@@ -291,6 +291,10 @@ def test_a_pass_that_the_method_cannot_make_is_named(scene: Any) -> None:
     assert list(passes.problems(layer, "PATH")) == []
     (problem,) = passes.problems(layer, "PAPER")
     assert problem.startswith(f"{blender_name('Glossy Direct')}: only")
+    layer.cycles.denoising_store_passes = True
+    layer.lightgroups.add().name = "Key"
+    (problem,) = passes.problems(layer, "PATH")
+    assert problem.endswith(": Denoising Data, Combined_Key")
 
 
 def test_ambient_occlusion_is_that_of_cycles(lit_stage: Any) -> None:
