@@ -113,31 +113,24 @@ def samples(library: str) -> Iterator[tuple[str, list[tuple[int, str]]]]:
 
     A place of `library` is its address there, any other one -1 and its symbol.
     """
-    fields = ["--fields", "comm,tid,ip,sym,dso", "--show-mmap-events"]
     output = subprocess.run(
-        ["perf", "script", "--input", str(RECORDED), *fields],
+        ["perf", "script", "--input", str(RECORDED), "--fields", "comm,tid,ip,sym,dso"],
         capture_output=True,
         text=True,
         check=True,
     )
     loaded = segments(library)
-    mapping = re.compile(r"\[0x(\w+)\(0x(\w+)\) @ (\w+) .* (\S+)$")
     place = re.compile(r"\s+([0-9a-f]+) (.*) \((.*)\)$")
-    mapped: list[tuple[int, int, int]] = []
     thread, stack = "", []
     for line in output.stdout.splitlines():
-        if "PERF_RECORD_MMAP" in line:
-            if (found := mapping.search(line)) and found[4] == library:
-                mapped.append((int(found[1], 16), int(found[2], 16), int(found[3], 0)))
-        elif not line.strip():
+        if not line.strip():
             if stack:
                 yield thread, stack
             stack = []
         elif found := place.match(line):
-            address = int(found[1], 16)
-            at = next((m for m in mapped if m[0] <= address < m[0] + m[1]), None)
-            if at and found[3] == library:
-                offset = address - at[0] + at[2]
+            if found[3] == library:
+                # Of a library perf prints the offset in its file.
+                offset = int(found[1], 16)
                 start, base = loaded[bisect_right(loaded, (offset, sys.maxsize)) - 1]
                 stack.append((offset - start + base, ""))
             else:
@@ -175,9 +168,13 @@ def part_of(stack: Stack) -> str:
 
 
 def own_frames(stack: Stack) -> tuple[str, ...]:
-    """Return the names for the picture: the renderer's functions, and where they lead outside."""
-    is_own = [file.startswith(f"{ROOT}/src/") for _, file in stack]
-    names = [name for (name, _), own in zip(stack, is_own, strict=True) if own]
+    """Return the names for the picture: the renderer's functions, each with its module."""
+    names: list[str] = []
+    for name, file in stack:
+        _, is_own, path = file.rpartition(f"{ROOT}/src/")
+        if is_own:
+            module = path.removesuffix(".rs").removesuffix("/mod").replace("/", "::")
+            names.append(f"{module}::{name.rpartition('::')[2]}")
     return tuple(names) or (stack[0][0],)
 
 
