@@ -344,7 +344,10 @@ impl Trials {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3A;
+
     use super::*;
+    use crate::film::Layout;
     use crate::math::statistics::Random;
 
     const SIDE: usize = 128;
@@ -403,5 +406,56 @@ mod tests {
         let dark = vec![Pilot::default(); SIDE * SIDE];
         let ways = choose(REGION, &dark, &dark, Costs::new(49, 3, 3.0, 8));
         assert!(ways.iter().all(|&way| way == Lending::Window));
+    }
+
+    /// Shared samples scatter alike on both halves. Those of path tracing scatter more on the left; on
+    /// the right they are stratified, so that every two of them make up for each other.
+    #[test]
+    fn tiles_turn_away_once_stratified_samples_have_overtaken() {
+        let mut random = Random::new(10);
+        let mut film = Film::new(REGION, Layout::new([]).unwrap());
+        let mut trials = Trials::new(REGION);
+        let mut lending = vec![Lending::Frame; SIDE * SIDE];
+        let costs = Costs::new(49, 1, 3.0, 8);
+        for iteration in 0..16 {
+            film.rows_mut()
+                .zip(trials.rows_mut())
+                .collect::<Vec<_>>()
+                .into_iter()
+                .for_each(|(mut row, mut probes)| {
+                    for x in 0..SIDE {
+                        let shared = random.next();
+                        row.pixel(x).sums.add_radiance(Vec3A::splat(shared));
+                        let alone = match (x < SIDE / 2, iteration % 2) {
+                            (true, _) => 4.0 * random.next() - 1.5,
+                            (false, 0) => 0.0,
+                            (false, _) => 1.0,
+                        };
+                        if let Some(excess) = probes.at(x) {
+                            excess.own += alone - shared;
+                        }
+                    }
+                });
+            film.count_iteration();
+            trials.look(&film, iteration + 1, costs, &mut lending);
+            let alone = |right: bool| {
+                let pixels = lending.iter().enumerate();
+                let here = pixels.filter(|(pixel, _)| (pixel % SIDE >= SIDE / 2) == right);
+                here.filter(|(_, lending)| !lending.is_some()).count() as f32
+                    / (SIDE * SIDE / 2) as f32
+            };
+            // Before eight iterations nothing is known; then half a tile between both sides is open.
+            let expected = if iteration + 1 < JUDGE_FROM {
+                0.0..=0.0
+            } else {
+                0.6..=1.0
+            };
+            assert!(
+                expected.contains(&alone(true)),
+                "{iteration}: {}",
+                alone(true)
+            );
+            assert!(alone(false) < 0.1, "{iteration}: {}", alone(false));
+        }
     }
 }
