@@ -83,6 +83,9 @@ def principled(compiler: Compiler, source: Source, weight: Operand) -> None:
     if source.node.subsurface_method == "BURLEY":
         what = ("Christensen-Burley", "Random Walk is used")
         compiler.missing_unless(source, "Subsurface Weight", 0.0, *what)
+    if not compiler.holds(source, "Emission Strength", 0.0):
+        for layer in ("Coat", "Sheen"):
+            compiler.missing_unless(source, f"{layer} Weight", 0.0, f"{layer} over Emission")
     alpha = compiler.saturated(compiler.input(source, "Alpha"))
     opaque = compiler.times(weight, alpha)
     _closure(compiler, source, "principled", opaque)

@@ -184,12 +184,16 @@ class Compiler:
         self, node: Source, identifier: str, neutral: float, what: str, instead: str = ""
     ) -> None:
         """Warn if an input holds anything but the value at which it does nothing."""
+        if not self.holds(node, identifier, neutral):
+            self.missing(what, instead)
+
+    def holds(self, node: Source, identifier: str, value: float) -> bool:
+        """Tell whether an input is this value everywhere; one that a node lacks counts as such."""
         socket = node.input(identifier)
         if socket is None:
-            return
+            return True
         end = socket.follow()
-        if isinstance(end, Source) or any(value != neutral for value in end.color()):
-            self.missing(what, instead)
+        return not isinstance(end, Source) and all(field == value for field in end.color())
 
     def _implicit(self, source: Source, end: Constant) -> Operand | None:
         """What an input without a link and without a field stands for."""
