@@ -90,73 +90,71 @@ pub fn render(job: &Job, progress: &Progress) -> Result<Vec<Rendered>> {
     rendered
 }
 
-/// What tracing needs beside a frame itself.
-struct Prepared {
+/// What tracing paths needs beside a frame itself.
+struct Stage {
     accel: Accel,
     lights: LightSampler,
-    light_tree: Arc<LightTree>,
-    shutter: ShutterTimes,
     see_through: Vec<bool>,
     media: Media,
-    catchers: Option<Box<Catchers>>,
+}
+
+impl Stage {
+    /// What is costly to make and unchanged is taken over from the frame before.
+    fn of(frame: &SceneFrame, before: Option<(&SceneFrame, &Self)>) -> Self {
+        Self {
+            accel: Accel::build(frame, before.map(|(frame, _)| frame)),
+            lights: LightSampler::build(frame, before.map(|(_, stage)| &stage.lights)),
+            see_through: see_through(frame),
+            media: Media::of(frame),
+        }
+    }
+
+    fn tracer<'a>(&'a self, frame: &'a SceneFrame, settings: &'a Settings) -> Tracer<'a> {
+        Tracer {
+            frame,
+            accel: &self.accel,
+            lights: &self.lights,
+            settings,
+            see_through: &self.see_through,
+            media: &self.media,
+        }
+    }
+}
+
+/// What rendering needs beside a frame itself.
+struct Prepared {
+    stage: Stage,
+    light_tree: Arc<LightTree>,
+    shutter: ShutterTimes,
+    /// The frame's shadow catchers, as they are without anything else.
+    catchers: Option<Box<(SceneFrame, Stage)>>,
     scene_size: f32,
 }
 
 impl Prepared {
     /// What is costly to make and unchanged is taken over from the frame before.
     fn new(frame: &SceneFrame, before: Option<(&SceneFrame, &Self)>) -> Self {
-        let accel = Accel::build(frame, before.map(|(frame, _)| frame));
         let previous = before.map(|(_, prepared)| prepared);
-        let (lower, upper) = accel.bounds().unwrap_or((Vec3A::ZERO, Vec3A::ONE));
-        let mut lights = LightSampler::build(frame, previous.map(|p| &p.lights));
+        let mut stage = Stage::of(frame, before.map(|(frame, p)| (frame, &p.stage)));
+        let (lower, upper) = stage.accel.bounds().unwrap_or((Vec3A::ZERO, Vec3A::ONE));
+        let lights = &mut stage.lights;
         let same_world = previous.filter(|p| p.light_tree.is_of(&frame.world));
         let build = || Arc::new(LightTree::build(&frame.world, |d| lights.is_sun(d)));
         let light_tree = same_world.map_or_else(build, |p| p.light_tree.clone());
         match same_world {
-            Some(previous) => lights.take_small_sky(&previous.lights),
+            Some(previous) => lights.take_small_sky(&previous.stage.lights),
             None => lights.set_small_sky(&frame.world, |d| light_tree.leaf(d).is_small()),
         }
+        let catchers = frame.catchers().map(|catchers| {
+            let stage = Stage::of(&catchers, None);
+            Box::new((catchers, stage))
+        });
         Self {
+            stage,
             light_tree,
-            lights,
             shutter: ShutterTimes::of(frame),
-            see_through: see_through(frame),
-            media: Media::of(frame),
-            catchers: frame.catchers().map(|frame| Box::new(Catchers::of(frame))),
+            catchers,
             scene_size: (upper - lower).length(),
-            accel,
-        }
-    }
-}
-
-/// A frame's shadow catchers, as they are without anything else.
-struct Catchers {
-    accel: Accel,
-    lights: LightSampler,
-    see_through: Vec<bool>,
-    media: Media,
-    frame: SceneFrame,
-}
-
-impl Catchers {
-    fn of(frame: SceneFrame) -> Self {
-        Self {
-            accel: Accel::build(&frame, None),
-            lights: LightSampler::build(&frame, None),
-            see_through: see_through(&frame),
-            media: Media::of(&frame),
-            frame,
-        }
-    }
-
-    fn tracer<'a>(&'a self, settings: &'a Settings) -> Tracer<'a> {
-        Tracer {
-            frame: &self.frame,
-            accel: &self.accel,
-            lights: &self.lights,
-            settings,
-            see_through: &self.see_through,
-            media: &self.media,
         }
     }
 }
@@ -198,15 +196,13 @@ fn prepare_and_run(job: &Job, progress: &Progress) -> Result<Vec<Rendered>> {
         .iter()
         .enumerate()
         .map(|(index, prepared)| View {
-            tracer: Tracer {
-                frame: &window.frames()[index],
-                accel: &prepared.accel,
-                lights: &prepared.lights,
-                settings: &job.settings,
-                see_through: &prepared.see_through,
-                media: &prepared.media,
-            },
-            catchers: prepared.catchers.as_ref().map(|c| c.tracer(&job.settings)),
+            tracer: prepared
+                .stage
+                .tracer(&window.frames()[index], &job.settings),
+            catchers: prepared
+                .catchers
+                .as_deref()
+                .map(|(catchers, stage)| stage.tracer(catchers, &job.settings)),
             index,
             window: &window,
             region,
@@ -257,16 +253,10 @@ impl WithEstimator for Iterations<'_> {
             .map(|_| estimator.memory(region))
             .collect();
         let mut targets = self.targets(estimator)?;
-        let records: usize = memories.iter().map(|m| estimator.memory_bytes(m)).sum();
-        let target_bytes =
-            |t: &Target<_>| t.film.memory_bytes() + estimator.history_bytes(&t.history);
-        let films: usize = targets.iter().map(target_bytes).sum();
-        let scenes: usize = self
-            .views
-            .iter()
-            .map(|v| v.tracer.frame.memory_bytes())
-            .sum();
-        self.progress.set_memory_bytes(records + films + scenes);
+        let pixel_bytes = pixel_bytes(estimator, &memories, &targets);
+        let scenes = self.views.iter().map(|v| v.tracer.frame.memory_bytes());
+        let scenes: usize = scenes.sum();
+        self.progress.set_memory_bytes(pixel_bytes + scenes);
         self.progress.expect_iterations(self.job.settings.samples);
         self.progress.enter(Phase::Sample);
         let start = Instant::now();
@@ -276,22 +266,7 @@ impl WithEstimator for Iterations<'_> {
             self.sample(estimator, iteration, &mut memories, &mut targets)?;
             let sharing = Instant::now();
             pass_1 += sharing - sampling;
-            for target in targets.iter_mut().filter(|target| !target.is_done) {
-                let sharing = Sharing {
-                    views: self.views,
-                    memories: &memories,
-                    target: target.index,
-                    lenders: &target.lenders,
-                    iteration,
-                };
-                let canvas = Canvas {
-                    film: &mut target.film,
-                    history: &mut target.history,
-                };
-                estimator.share(&sharing, canvas)?;
-                target.film.count_iteration();
-                target.is_done = self.is_clean(&target.film);
-            }
+            self.share(estimator, iteration, &memories, &mut targets)?;
             pass_2 += sharing.elapsed();
             self.progress.count_iteration();
             self.answer_preview(&targets);
@@ -305,7 +280,7 @@ impl WithEstimator for Iterations<'_> {
             pass_1_seconds: pass_1.as_secs_f64() * share,
             pass_2_seconds: pass_2.as_secs_f64() * share,
             rays: self.progress.rays() / targets.len() as u64,
-            pixel_memory_bytes: (records + films) / self.views.len(),
+            pixel_memory_bytes: pixel_bytes / self.views.len(),
             ..Report::default()
         };
         self.progress.enter(Phase::Resolve);
@@ -314,6 +289,17 @@ impl WithEstimator for Iterations<'_> {
             .map(|target| self.rendered(estimator, target, report))
             .collect())
     }
+}
+
+/// Bytes held for pixels: films, and what the estimator keeps.
+fn pixel_bytes<E: Estimator>(
+    estimator: &E,
+    memories: &[E::Memory],
+    targets: &[Target<E::History>],
+) -> usize {
+    let memories = memories.iter().map(|m| estimator.memory_bytes(m));
+    let of_target = |t: &Target<_>| t.film.memory_bytes() + estimator.history_bytes(&t.history);
+    memories.sum::<usize>() + targets.iter().map(of_target).sum::<usize>()
 }
 
 impl Iterations<'_> {
@@ -392,6 +378,33 @@ impl Iterations<'_> {
                     history: &mut target.history,
                 });
             estimator.sample(view, iteration, memory, canvas)?;
+        }
+        Ok(())
+    }
+
+    /// The second pass over every unfinished target.
+    fn share<E: Estimator>(
+        &self,
+        estimator: &E,
+        iteration: u32,
+        memories: &[E::Memory],
+        targets: &mut [Target<E::History>],
+    ) -> Result<()> {
+        for target in targets.iter_mut().filter(|target| !target.is_done) {
+            let sharing = Sharing {
+                views: self.views,
+                memories,
+                target: target.index,
+                lenders: &target.lenders,
+                iteration,
+            };
+            let canvas = Canvas {
+                film: &mut target.film,
+                history: &mut target.history,
+            };
+            estimator.share(&sharing, canvas)?;
+            target.film.count_iteration();
+            target.is_done = self.is_clean(&target.film);
         }
         Ok(())
     }

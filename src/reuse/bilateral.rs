@@ -117,9 +117,8 @@ impl Estimator for Bilateral {
             for (x, pixel) in pixels.iter_mut().enumerate() {
                 let shot = view.shoot(x, y, iteration);
                 let mut target = row.pixel(x);
-                view.note(&shot, iteration, &mut target);
+                view.see(&shot, iteration, &mut target);
                 target.sums.add_effective_samples(1.0);
-                target.sums.add_radiance(shot.radiance());
                 *pixel = pixel_of(view, &shot);
             }
         })

@@ -76,11 +76,9 @@ impl Estimator for IrradianceCache {
             for (x, place) in surfaces.iter_mut().enumerate() {
                 let shot = view.shoot(x, y, iteration);
                 let mut pixel = row.pixel(x);
-                view.note(&shot, iteration, &mut pixel);
+                view.see(&shot, iteration, &mut pixel);
                 pixel.sums.add_effective_samples(1.0);
-                pixel
-                    .sums
-                    .add_radiance(shot.radiance() + own_light(view, &shot));
+                pixel.sums.add_radiance(own_light(view, &shot));
                 *place = shot.surface;
             }
         })?;

@@ -18,11 +18,11 @@ use rayon::prelude::*;
 
 use crate::contract::{Method, Settings};
 use crate::error::{Error, Result};
-use crate::film::{Caught, Film, FilmRow, Pixel, Region, Sighting};
+use crate::film::{Caught, Film, Pixel, Region, Sighting};
 use crate::math::warp::sample_cosine_hemisphere;
 use crate::math::{Frame, PixelFilter, Ray};
 use crate::passes::{self, Seen};
-use crate::path::{Bounces, Divided, Reflected, Tracer, take_rays};
+use crate::path::{Bounces, Divided, Passed, Reflected, Tracer, take_rays};
 use crate::progress::Progress;
 use crate::sampling::{Sampler, ShutterTimes, Strategy};
 use crate::scene::FrameWindow;
@@ -57,28 +57,43 @@ pub struct View<'a> {
 pub struct Shot {
     /// The numbers of this iteration of this pixel.
     pub sampler: Sampler,
-    /// The ray; none outside of a fisheye's picture.
-    pub ray: Option<Ray>,
-    /// Share of the light from its end that what it passed lets through, over the probability of
-    /// passing.
-    pub share: f32,
-    /// The surface, if the ray met one.
+    /// The surface, if the ray met one that is no hole in the picture.
     pub surface: Option<Surface>,
-    /// What goes into the passes.
-    pub seen: Sighting,
-    /// Radiance that the camera sees of lamps and of a glowing surface.
-    pub emission: Vec3A,
-    /// Radiance that it sees of the background.
-    pub environment: Vec3A,
-    /// What comes from below the surface.
-    pub below: Option<Reflected>,
-    /// What it finds on a shadow catcher.
-    pub caught: Option<Caught>,
+    /// The ray up to its end; none outside of a fisheye's picture.
+    ray: Option<Ray>,
+    passed: Passed,
+    is_hole: bool,
 }
 
-impl Shot {
-    /// Radiance that is the pixel's own whatever it shares: all but what the surface reflects.
-    pub fn radiance(&self) -> Vec3A {
+/// What the camera sees along a ray, but for what the surface reflects.
+pub struct Sight {
+    seen: Sighting,
+    /// Share of the light from the ray's end that what it passed lets through, over the probability of
+    /// passing.
+    share: f32,
+    /// Radiance of lamps, of media and of a glowing surface.
+    emission: Vec3A,
+    /// Radiance of the background.
+    environment: Vec3A,
+    /// What comes from below the surface.
+    below: Option<Reflected>,
+    /// What is found on a shadow catcher.
+    caught: Option<Caught>,
+}
+
+impl Sight {
+    /// Outside of a fisheye's picture: black and opaque, as in Cycles.
+    const OUTSIDE: Self = Self {
+        seen: Sighting::BACKGROUND,
+        share: 1.0,
+        emission: Vec3A::ZERO,
+        environment: Vec3A::ZERO,
+        below: None,
+        caught: None,
+    };
+
+    /// All of its radiance: the pixel's own whatever it shares.
+    fn radiance(&self) -> Vec3A {
         let below = self.below.as_ref().map_or(Vec3A::ZERO, Reflected::sum);
         self.emission + self.environment + below
     }
@@ -87,21 +102,6 @@ impl Shot {
     fn divide_below(&self, divided: &mut Divided) {
         if let Some(below) = &self.below {
             below.divide(divided, 1.0);
-        }
-    }
-
-    /// Of a pixel outside of a fisheye's picture: black and opaque, as in Cycles.
-    fn outside(sampler: Sampler) -> Self {
-        Self {
-            sampler,
-            ray: None,
-            share: 1.0,
-            surface: None,
-            seen: Sighting::BACKGROUND,
-            emission: Vec3A::ZERO,
-            environment: Vec3A::ZERO,
-            below: None,
-            caught: None,
         }
     }
 }
@@ -174,63 +174,79 @@ impl View<'_> {
         let offset = Vec2::from_array(numbers.pixel.map(|u| self.filter.sample(u)));
         let film = self.region.film(x, y, offset);
         let time = self.shutter.time(&sampler);
-        let Some(ray) = tracer.frame.camera_ray(film, numbers.lens, time) else {
-            return Shot::outside(sampler);
+        let Some(mut ray) = tracer.frame.camera_ray(film, numbers.lens, time) else {
+            return Shot {
+                sampler,
+                surface: None,
+                ray: None,
+                passed: Passed::default(),
+                is_hole: false,
+            };
         };
         let (surface, passed) = tracer.arrive(&ray, &Bounces::default(), &sampler);
-        let distance = surface.as_ref().map_or(ray.t_max, |s| s.distance);
-        // Lamps hide nothing: they shine through each other and in front of what is behind.
-        let seen_ray = Ray {
-            t_max: distance,
-            ..ray
-        };
-        let lamps =
-            tracer
-                .lights
-                .lamps_along(&seen_ray, -ray.direction, Strategy::One, RayKind::Camera, 0);
-        let lamps: Vec3A = lamps.map(|lamp| passed.share(lamp.t) * lamp.radiance).sum();
+        if let Some(surface) = &surface {
+            ray.t_max = surface.distance;
+        }
         let is_hole = |surface: &Surface| {
             let instance = surface.hit.instance as usize;
             !surface.is_medium && tracer.frame.instances[instance].is_holdout
         };
-        let hidden_background = tracer.settings.film_transparent;
-        let (is_held_out, surface) = match surface {
-            Some(surface) if is_hole(&surface) => (true, None),
-            surface => (false, surface),
-        };
-        let (seen, environment) = match &surface {
-            // As in Cycles a hole is a hole even where the background shows.
-            None if is_held_out => (Sighting::NOTHING, Vec3A::ZERO),
-            Some(surface) => (self.sighting(surface), Vec3A::ZERO),
-            None if hidden_background => {
-                let coverage = 1.0 - passed.share(distance).element_sum() / 3.0;
-                let sighting = Sighting {
-                    coverage,
-                    ..Sighting::NOTHING
-                };
-                (sighting, Vec3A::ZERO)
-            }
-            None => {
-                let radiance =
-                    tracer
-                        .lights
-                        .environment_radiance(ray.direction, RayKind::Camera, 0);
-                (Sighting::BACKGROUND, passed.share(distance) * radiance)
-            }
-        };
-        let glow = surface.as_ref().map_or(Vec3A::ZERO, |s| s.emission);
-        let below = |surface| tracer.from_below(surface, Bounces::default(), 1.0, &sampler);
+        let is_hole = surface.as_ref().is_some_and(is_hole);
         Shot {
-            below: surface.as_ref().and_then(below),
             sampler,
+            surface: surface.filter(|_| !is_hole),
             ray: Some(ray),
-            share: passed.share(distance).element_sum() / 3.0,
-            surface,
+            passed,
+            is_hole,
+        }
+    }
+
+    fn look(&self, shot: &Shot) -> Sight {
+        let Some(ray) = &shot.ray else {
+            return Sight::OUTSIDE;
+        };
+        let (tracer, passed, camera) = (&self.tracer, &shot.passed, RayKind::Camera);
+        // Lamps hide nothing: they shine through each other and in front of what is behind.
+        let lamps = tracer
+            .lights
+            .lamps_along(ray, -ray.direction, Strategy::One, camera, 0);
+        let lamps: Vec3A = lamps.map(|lamp| passed.share(lamp.t) * lamp.radiance).sum();
+        let surface = shot.surface.as_ref();
+        let glow = surface.map_or(Vec3A::ZERO, |surface| surface.emission);
+        let share = passed.share(ray.t_max);
+        let (seen, environment) = self.behind(shot, ray, share);
+        Sight {
             seen,
+            share: share.element_sum() / 3.0,
             emission: glow + lamps + passed.glow,
             environment,
-            caught: self.caught(&seen_ray, &sampler),
+            below: surface.and_then(|surface| {
+                tracer.from_below(surface, Bounces::default(), 1.0, &shot.sampler)
+            }),
+            caught: self.caught(ray, &shot.sampler),
         }
+    }
+
+    /// What lies at the end of a ray, of whose light `share` arrives, and the radiance of the background
+    /// if that is it.
+    fn behind(&self, shot: &Shot, ray: &Ray, share: Vec3A) -> (Sighting, Vec3A) {
+        if let Some(surface) = &shot.surface {
+            return (self.sighting(surface), Vec3A::ZERO);
+        }
+        // As in Cycles a hole is a hole even where the background shows.
+        if shot.is_hole {
+            return (Sighting::NOTHING, Vec3A::ZERO);
+        }
+        if self.tracer.settings.film_transparent {
+            let sighting = Sighting {
+                coverage: 1.0 - share.element_sum() / 3.0,
+                ..Sighting::NOTHING
+            };
+            return (sighting, Vec3A::ZERO);
+        }
+        let lights = &self.tracer.lights;
+        let radiance = lights.environment_radiance(ray.direction, RayKind::Camera, 0);
+        (Sighting::BACKGROUND, share * radiance)
     }
 
     /// What a camera ray finds on a shadow catcher before it ends, which the picture does not show.
@@ -247,12 +263,14 @@ impl View<'_> {
         })
     }
 
-    /// Adds what the camera ray of an iteration saw to the passes of its pixel, but for light that is
-    /// scattered.
-    pub fn note(&self, shot: &Shot, iteration: u32, pixel: &mut Pixel) {
-        pixel.sums.add_sighting(iteration, &shot.seen);
+    /// Adds what the camera sees along the ray of an iteration to its pixel and to the passes, but for
+    /// light that the surface reflects; returns it.
+    pub fn see(&self, shot: &Shot, iteration: u32, pixel: &mut Pixel) -> Sight {
+        let sight = self.look(shot);
+        pixel.sums.add_sighting(iteration, &sight.seen);
+        pixel.sums.add_radiance(sight.radiance());
         if let Some(catcher) = &mut pixel.catcher {
-            catcher.add(shot.caught, shot.environment);
+            catcher.add(sight.caught, sight.environment);
         }
         if pixel.extra.is_any() {
             let seen = Seen {
@@ -260,21 +278,22 @@ impl View<'_> {
                 region: self.region,
                 surface: shot.surface.as_ref().filter(|s| !s.is_medium),
                 ray: shot.ray.as_ref(),
-                share: shot.share,
+                share: sight.share,
             };
             let extra = &mut pixel.extra;
             passes::add_data(extra, iteration, &seen);
             passes::add_mattes(extra, &seen);
             passes::add_outputs(extra, iteration, &seen);
-            passes::add_seen_light(extra, iteration, shot.emission, shot.environment);
+            passes::add_seen_light(extra, iteration, sight.emission, sight.environment);
             if let Some(surface) = seen.surface {
                 passes::add_colors(extra, iteration, surface);
                 if extra.layout.keeps(passes::AMBIENT) {
-                    let ambient = shot.share * self.ambient(surface, &shot.sampler);
+                    let ambient = sight.share * self.ambient(surface, &shot.sampler);
                     extra.add(passes::AMBIENT, iteration, &ambient.to_array());
                 }
             }
         }
+        sight
     }
 
     /// Share of even light from all sides that reaches a surface, by one ray.
@@ -300,13 +319,13 @@ impl View<'_> {
     }
 }
 
-/// The rows of the film of a frame, or none for each row of a frame that has no film.
-fn film_rows(
-    film: Option<&mut Film>,
+/// The rows of a frame, or none for each row of a frame that has none of them.
+fn rows_or_none<R: Send>(
+    rows: Option<impl IndexedParallelIterator<Item = R>>,
     region: Region,
-) -> impl IndexedParallelIterator<Item = Option<FilmRow<'_>>> {
-    let rows: Vec<_> = match film {
-        Some(film) => film.rows_mut().map(Some).collect(),
+) -> impl IndexedParallelIterator<Item = Option<R>> {
+    let rows: Vec<_> = match rows {
+        Some(rows) => rows.map(Some).collect(),
         None => (0..region.height).map(|_| None).collect(),
     };
     rows.into_par_iter()

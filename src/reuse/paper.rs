@@ -36,7 +36,7 @@
 use glam::Vec3A;
 use rayon::prelude::*;
 
-use super::{Canvas, Estimator, Sharing, View, film_rows};
+use super::{Canvas, Estimator, Sharing, View, rows_or_none};
 use crate::contract::{Recheck, Settings};
 use crate::error::Result;
 use crate::film::Region;
@@ -127,8 +127,8 @@ impl Estimator for Paper {
         canvas: Option<Canvas<()>>,
     ) -> Result<()> {
         let width = view.region.width;
-        let film = canvas.map(|canvas| canvas.film);
-        let rows = film_rows(film, view.region).zip(memory.rows_mut());
+        let film = canvas.map(|canvas| canvas.film.rows_mut());
+        let rows = rows_or_none(film, view.region).zip(memory.rows_mut());
         view.for_rows(rows, |y, (mut film, mut records)| {
             for x in 0..width {
                 let shot = view.shoot(x, y, iteration);
@@ -154,9 +154,8 @@ impl Estimator for Paper {
             for x in 0..row.width() {
                 let shot = view.shoot(x, y, iteration | SECOND_PASS);
                 let mut pixel = row.pixel(x);
-                view.note(&shot, iteration, &mut pixel);
+                view.see(&shot, iteration, &mut pixel);
                 let pixel = pixel.sums;
-                pixel.add_radiance(shot.radiance());
                 if let Some(surface) = &shot.surface {
                     pixel.add_radiance(small_lights(view, surface, &shot.sampler));
                     let receiver = Receiver::new(view, surface, &shot.sampler, self);

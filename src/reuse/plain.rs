@@ -64,9 +64,8 @@ impl Estimator for Plain {
 impl Plain {
     fn sample_pixel(&self, view: &View, x: usize, y: usize, iteration: u32, mut pixel: Pixel) {
         let shot = view.shoot(x, y, iteration);
-        view.note(&shot, iteration, &mut pixel);
+        let sight = view.see(&shot, iteration, &mut pixel);
         pixel.sums.add_effective_samples(self.gathers as f32);
-        let mut radiance = shot.radiance();
         if let Some(surface) = &shot.surface {
             let is_divided = passes::wants_scattered(pixel.extra.layout);
             let mut sum = Vec3A::ZERO;
@@ -83,12 +82,11 @@ impl Plain {
                     reflected.divide(&mut divided, 1.0 / self.gathers as f32);
                 }
             }
-            radiance += sum / self.gathers as f32;
+            pixel.sums.add_radiance(sum / self.gathers as f32);
             if is_divided {
-                shot.divide_below(&mut divided);
+                sight.divide_below(&mut divided);
                 passes::add_scattered(&mut pixel.extra, iteration, &divided);
             }
         }
-        pixel.sums.add_radiance(radiance);
     }
 }

@@ -11,7 +11,7 @@ use super::reads::Reads;
 use super::records::{
     COSINE_LIMIT, Class, LENT_CLASSES, Light, Neighbours, TAN_BETA, UNIT, column, wide_column,
 };
-use super::veto::{Lending, Pilot, ProbeRow};
+use super::veto::{Lending, ProbeRow};
 use crate::film::{Extra, FilmRow, Pixel};
 use crate::kernel::vector::{LANES, Vector, Work, run_on_vectors};
 use crate::math::luminance;
@@ -113,14 +113,6 @@ pub struct Place {
     is_of_object: bool,
 }
 
-/// What a row of pixels says about borrowing.
-pub enum Notes<'a> {
-    /// From where each pixel borrows; how far that is from its own light is noted.
-    Choice(&'a [Lending], &'a mut [f32]),
-    /// All borrow from the window, and what probes have by each way is noted.
-    Pilot(&'a mut [Pilot]),
-}
-
 /// What a pixel gets, as luminance.
 #[derive(Clone, Copy, Default)]
 struct Got {
@@ -132,75 +124,55 @@ struct Got {
     own: f32,
 }
 
-/// One row of pixels that borrow; what they get is divided for passes where some are `DIVIDED`.
-struct BorrowRow<'a, const DIVIDED: bool> {
-    borrow: &'a Borrow<'a>,
-    y: usize,
-    row: FilmRow<'a>,
-    probes: ProbeRow<'a>,
-    notes: Notes<'a>,
+/// One row of pixels that borrow.
+pub struct BorrowingRow<'a> {
+    pub y: usize,
+    pub pixels: FilmRow<'a>,
+    /// From where each borrows.
+    pub lending: &'a [Lending],
+    pub probes: ProbeRow<'a>,
+    /// Luminance that each would have got by its own gather ray less that of what it borrowed.
+    pub drift: &'a mut [f32],
 }
 
-impl<const DIVIDED: bool> Work for BorrowRow<'_, DIVIDED> {
+/// The same; what pixels get is divided for passes where some are `DIVIDED`.
+struct BorrowWork<'a, const DIVIDED: bool> {
+    borrow: &'a Borrow<'a>,
+    row: BorrowingRow<'a>,
+}
+
+impl<const DIVIDED: bool> Work for BorrowWork<'_, DIVIDED> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Vector>(mut self) {
-        for x in 0..self.row.width() {
-            let lending = match &self.notes {
-                Notes::Choice(lending, _) => lending[x],
-                Notes::Pilot(_) => Lending::Window,
-            };
+        let row = &mut self.row;
+        for x in 0..row.pixels.width() {
+            let lending = row.lending[x];
             if lending == Lending::None {
                 continue;
             }
-            let mut pixel = self.row.pixel(x);
+            let mut pixel = row.pixels.pixel(x);
             let got = self
                 .borrow
-                .add_pixel::<V, DIVIDED>(x, self.y, lending, &mut pixel);
-            if let Some(excess) = self.probes.at(x) {
+                .add_pixel::<V, DIVIDED>(x, row.y, lending, &mut pixel);
+            if let Some(excess) = row.probes.at(x) {
                 excess.frame += got.frame - got.borrowed;
-                excess.own -= got.borrowed;
-                if let Notes::Pilot(pilot) = &mut self.notes {
-                    let window = pixel.sums.luminance();
-                    pilot[x] = Pilot {
-                        window,
-                        frame: window + excess.frame,
-                        own: window + excess.own,
-                    }
-                }
+                excess.alone -= got.borrowed;
             }
-            if let Notes::Choice(_, drift) = &mut self.notes {
-                drift[x] += got.own - got.borrowed;
-            }
+            row.drift[x] += got.own - got.borrowed;
         }
     }
 }
 
 impl Borrow<'_> {
-    /// Adds what the pixels of row `y` borrow.
-    pub fn add_row(&self, y: usize, row: FilmRow, probes: ProbeRow, notes: Notes) {
-        if passes::wants_scattered(row.layout()) {
-            self.add_row_divided::<true>(y, row, probes, notes);
+    /// Adds what the pixels of a row borrow.
+    pub fn add_row(&self, row: BorrowingRow) {
+        if passes::wants_scattered(row.pixels.layout()) {
+            run_on_vectors(BorrowWork::<true> { borrow: self, row });
         } else {
-            self.add_row_divided::<false>(y, row, probes, notes);
+            run_on_vectors(BorrowWork::<false> { borrow: self, row });
         }
-    }
-
-    fn add_row_divided<const DIVIDED: bool>(
-        &self,
-        y: usize,
-        row: FilmRow,
-        probes: ProbeRow,
-        notes: Notes,
-    ) {
-        run_on_vectors(BorrowRow::<DIVIDED> {
-            borrow: self,
-            y,
-            row,
-            probes,
-            notes,
-        });
     }
 
     /// Adds what a pixel gets from there; returns it, and what it would have got otherwise.

@@ -20,7 +20,6 @@
 
 use rayon::prelude::*;
 
-use super::PILOT_ITERATIONS;
 use super::veto::Lending;
 use crate::film::Region;
 
@@ -70,10 +69,9 @@ impl Drift {
     /// By how much the squared mean of D exceeds the limit in each pixel.
     fn excesses(&self, iterations: u32) -> Vec<f32> {
         let half = (iterations / 2) as f32;
-        let pilot = PILOT_ITERATIONS as f32;
         let excess = |(&sum, &first): (&f32, &f32)| {
-            let mean = sum / (2.0 * half - pilot);
-            let error = 0.5 * (first / (half - pilot) - (sum - first) / half);
+            let mean = sum / (2.0 * half);
+            let error = 0.5 * (first - (sum - first)) / half;
             mean * mean - END * error * error
         };
         self.sums.iter().zip(&self.first_half).map(excess).collect()

@@ -29,14 +29,14 @@ mod veto;
 
 use rayon::prelude::*;
 
-use self::borrow::{Borrow, Notes, Receiver, kernel_floor};
+use self::borrow::{Borrow, BorrowingRow, Receiver, kernel_floor};
 use self::drift::Drift;
 use self::reads::{Reads, either};
 use self::records::{Class, LENT_CLASSES, Records};
 use self::sample::Pass;
 use self::tiles::Tiles;
-use self::veto::{Costs, Lending, PILOT_ITERATIONS, Pilot, ProbeRow, Trials};
-use super::{Canvas, Estimator, Sharing, View, film_rows};
+use self::veto::{Costs, Lending, PILOT_ITERATIONS, Trials};
+use super::{Canvas, Estimator, Sharing, View, rows_or_none};
 use crate::contract::{Settings, Share};
 use crate::error::Result;
 use crate::film::{Film, Region};
@@ -73,13 +73,11 @@ pub struct Memory {
 pub struct History {
     /// From where each pixel borrows.
     lending: Vec<Lending>,
-    /// What the first iteration brought, until it is judged.
-    pilot: Vec<Pilot>,
     /// Rays of the pilot iterations.
     pilot_rays: u64,
     /// How far what pixels borrow is from what they find themselves.
     drift: Drift,
-    /// How pixels would fare alone.
+    /// How some pixels would fare by other ways.
     trials: Trials,
     /// Which records it reads.
     reads: Reads,
@@ -146,7 +144,6 @@ impl Estimator for DualCone {
     fn history(&self, region: Region) -> History {
         History {
             lending: vec![Lending::Window; region.width * region.height],
-            pilot: Vec::new(),
             pilot_rays: 0,
             drift: Drift::new(region),
             trials: Trials::new(region),
@@ -156,7 +153,6 @@ impl Estimator for DualCone {
 
     fn history_bytes(&self, history: &History) -> usize {
         size_of_val(&history.lending[..])
-            + size_of_val(&history.pilot[..])
             + history.drift.memory_bytes()
             + history.trials.memory_bytes()
             + history.reads.memory_bytes()
@@ -183,16 +179,17 @@ impl Estimator for DualCone {
         let pass = Pass::new(view, iteration);
         let width = view.region.width;
         let (film, mut history) = match canvas {
-            Some(Canvas { film, history }) => (Some(film), Some(history)),
+            Some(Canvas { film, history }) => (Some(film.rows_mut()), Some(history)),
             None => (None, None),
         };
-        let notes = own_rows(history.as_deref_mut(), view.region);
+        let notes = history.as_deref_mut().map(|history| {
+            let lending = history.lending.par_chunks(width);
+            lending.zip(history.trials.rows_mut())
+        });
+        let own = rows_or_none(film, view.region).zip(rows_or_none(notes, view.region));
         let receivers = memory.receivers.par_chunks_mut(width);
         let reach = memory.reach.par_chunks_mut(width);
-        let rows = film_rows(film, view.region)
-            .zip(notes)
-            .zip(memory.records.rows_mut())
-            .zip(receivers.zip(reach));
+        let rows = own.zip(memory.records.rows_mut()).zip(receivers.zip(reach));
         let read = memory.read.as_ref();
         let lends = |x, y| read.is_none_or(|tiles| tiles.get(tiles.at(x, y)));
         let rays = view.count_rays(
@@ -200,12 +197,12 @@ impl Estimator for DualCone {
             |y, (((mut film, mut notes), mut records), (receivers, reach))| {
                 for x in 0..width {
                     let lends = lends(x, y);
-                    let pixel = film.as_mut().map(|row| row.pixel(x));
-                    let own = pixel.zip(notes.as_ref());
-                    let own = own.map(|(pixel, notes)| (pixel, notes.lending[x]));
+                    let own = film.as_mut().zip(notes.as_ref());
+                    let own = own.map(|(row, (lending, _))| (row.pixel(x), lending[x]));
                     let sample = pass.sample_pixel(x, y, lends, own);
-                    if let Some(excess) = notes.as_mut().and_then(|notes| notes.probes.at(x)) {
-                        excess.own += sample.excess;
+                    let probe = notes.as_mut().and_then(|(_, probes)| probes.at(x));
+                    if let Some(excess) = probe {
+                        excess.alone += sample.excess;
                     }
                     if lends {
                         sample.record.write(&mut records, x);
@@ -247,49 +244,18 @@ impl Estimator for DualCone {
             is_one_to_one: self.is_one_to_one,
             kernel_floor: kernel_floor(sharing.iteration),
         };
+        add_borrowed(&borrow, history, film)?;
         let iterations = sharing.iteration + 1;
-        if iterations <= PILOT_ITERATIONS {
-            let pilot = share_all_ways(&borrow, history, film)?;
-            self.choose(&borrow, pilot, history);
-        } else {
-            share_as_chosen(&borrow, history, film)?;
-            let lending = &mut history.lending;
-            history.drift.look(view.region, iterations, lending);
-        }
-        let costs = self.costs(&borrow, history);
-        history
-            .trials
-            .look(film, iterations, costs, &mut history.lending);
+        let (costs, lending) = (self.costs(&borrow, history), &mut history.lending);
+        history.drift.look(view.region, iterations, lending);
+        history.trials.look(film, iterations, costs, lending);
         let may_have_changed = iterations >= PILOT_ITERATIONS && iterations.is_power_of_two();
         history.reads = match may_have_changed {
-            true => Reads::of(&borrow, &history.lending),
+            true => Reads::of(&borrow, lending),
             false => reads,
         };
         Ok(())
     }
-}
-
-/// What the first pass notes of a row of pixels that are rendered.
-struct OwnRow<'a> {
-    lending: &'a [Lending],
-    probes: ProbeRow<'a>,
-}
-
-/// The rows of a frame that is rendered, or none for each row of one that is not.
-fn own_rows(
-    history: Option<&mut History>,
-    region: Region,
-) -> impl IndexedParallelIterator<Item = Option<OwnRow<'_>>> {
-    let rows: Vec<_> = match history {
-        Some(history) => {
-            let lending = history.lending.par_chunks(region.width);
-            let rows = lending.zip(history.trials.rows_mut());
-            rows.map(|(lending, probes)| Some(OwnRow { lending, probes }))
-                .collect()
-        }
-        None => (0..region.height).map(|_| None).collect(),
-    };
-    rows.into_par_iter()
 }
 
 impl DualCone {
@@ -300,45 +266,24 @@ impl DualCone {
         let together = borrow.sharing.view().tracer.settings.frames_together;
         Costs::new(records, borrow.sharing.lenders.len(), rays, together)
     }
-
-    /// Once both pilot iterations are there, chooses from where pixels go on borrowing.
-    fn choose(&self, borrow: &Borrow, pilot: Vec<Pilot>, history: &mut History) {
-        if history.pilot.is_empty() {
-            history.pilot = pilot;
-            return;
-        }
-        let first = std::mem::take(&mut history.pilot);
-        let both = pilot.iter().zip(&first);
-        let second: Vec<Pilot> = both.map(|(sum, first)| sum.less(*first)).collect();
-        let region = borrow.sharing.view().region;
-        let costs = self.costs(borrow, history);
-        history.lending = veto::choose(region, &first, &second, costs);
-    }
 }
 
-/// Every pixel borrows; returns what each has then, and what it would have otherwise.
-fn share_all_ways(borrow: &Borrow, history: &mut History, film: &mut Film) -> Result<Vec<Pilot>> {
-    let view = borrow.sharing.view();
-    let Region { width, height, .. } = view.region;
-    let mut pilot = vec![Pilot::default(); width * height];
-    let probes = history.trials.rows_mut();
-    let rows = film.rows_mut().zip(probes).zip(pilot.par_chunks_mut(width));
-    view.for_rows(rows, |y, ((pixels, probes), pilot)| {
-        borrow.add_row(y, pixels, probes, Notes::Pilot(pilot));
-    })?;
-    Ok(pilot)
-}
-
-/// Every pixel borrows from where it was chosen to.
-fn share_as_chosen(borrow: &Borrow, history: &mut History, film: &mut Film) -> Result<()> {
+/// Adds what pixels borrow from where they were chosen to.
+fn add_borrowed(borrow: &Borrow, history: &mut History, film: &mut Film) -> Result<()> {
     let view = borrow.sharing.view();
     let width = view.region.width;
-    let choices = history.lending.par_chunks(width);
-    let sums = history.drift.sums.par_chunks_mut(width);
+    let lending = history.lending.par_chunks(width);
+    let drift = history.drift.sums.par_chunks_mut(width);
     let probes = history.trials.rows_mut();
-    let rows = film.rows_mut().zip(probes).zip(choices.zip(sums));
-    view.for_rows(rows, |y, ((pixels, probes), (choice, drift))| {
-        borrow.add_row(y, pixels, probes, Notes::Choice(choice, drift));
+    let rows = film.rows_mut().zip(probes).zip(lending.zip(drift));
+    view.for_rows(rows, |y, ((pixels, probes), (lending, drift))| {
+        borrow.add_row(BorrowingRow {
+            y,
+            pixels,
+            lending,
+            probes,
+            drift,
+        });
     })
 }
 

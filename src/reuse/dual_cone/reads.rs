@@ -65,7 +65,7 @@ fn read_from(borrow: &Borrow, lender: usize, lending: &[Lending]) -> Tiles<bool>
     };
     let row = |y: usize| {
         let mut tiles = Tiles::<bool>::new(region);
-        let borrows = |x: &usize| lending[y * region.width + x] as u8 >= least as u8;
+        let borrows = |x: &usize| lending[y * region.width + x] >= least;
         for x in (0..region.width).filter(borrows) {
             if let Some((x, y)) = corner(x, y) {
                 let under = tiles.under(x - margin, y - margin, side + 2 * margin);

@@ -13,7 +13,7 @@ use crate::math::luminance;
 use crate::passes;
 use crate::path::{Bounces, Continuation, Divided, Gathered};
 use crate::reuse::{Shot, View};
-use crate::sampling::{Bsdf, LobeValues, Strategy};
+use crate::sampling::{Bsdf, Gloss, LobeValues, Strategy};
 use crate::surface::Surface;
 
 /// Share of the sky's light in its small parts from which on they get a light sample. What gather
@@ -59,9 +59,8 @@ impl Gather {
     }
 
     /// What the closures do with it that take borrowed light in its place.
-    fn borrowing(&self, surface: &Surface) -> LobeValues {
-        let gloss = Receiver::gloss(surface);
-        let gloss = gloss.map(|gloss| surface.bsdf.eval_gloss(&gloss, self.from.ray.direction));
+    fn borrowing(&self, surface: &Surface, gloss: Option<&Gloss>) -> LobeValues {
+        let gloss = gloss.map(|gloss| surface.bsdf.eval_gloss(gloss, self.from.ray.direction));
         LobeValues {
             lambert: self.value.lambert,
             glossy: gloss.unwrap_or(Vec3A::ZERO),
@@ -88,6 +87,20 @@ impl Gather {
         let kept = (kept[0] + kept[1]) * borrowing.sum();
         (kept + self.gathered.sum() * rest.sum()) * scale
     }
+}
+
+/// Whether a surface lends and borrows. What is black looks for no light, so its dark records would say
+/// nothing.
+fn shares(surface: &Surface) -> bool {
+    !surface.bsdf.is_black() && surface.bsdf.probability_lambert() >= LEAST_LAMBERT
+}
+
+/// A surface that shares.
+struct Shared<'a> {
+    surface: &'a Surface,
+    /// Its closure that takes borrowed light beside the Lambert part.
+    gloss: Option<Gloss>,
+    gather: Option<Gather>,
 }
 
 /// What a pixel's sample leaves.
@@ -131,93 +144,107 @@ impl<'a> Pass<'a> {
             return sample;
         }
         let shot = self.view.shoot(x, y, self.iteration);
-        // What is black looks for no light, so its dark records would say nothing.
-        let shares =
-            |s: &Surface| !s.bsdf.is_black() && s.bsdf.probability_lambert() >= LEAST_LAMBERT;
         let lending = own.as_ref().map(|(_, lending)| *lending);
-        let is_divided = |(pixel, _): &(Pixel, _)| passes::wants_scattered(pixel.extra.layout);
-        let mut divided = match &shot.surface {
-            Some(surface) if own.as_ref().is_some_and(is_divided) => Some(Divided::of(surface)),
-            _ => None,
-        };
-        let mut effective_samples = 1.0;
-        let reflected = match &shot.surface {
-            Some(surface) if shares(surface) => {
-                if lending != Some(Lending::None) {
-                    effective_samples = 0.0;
-                }
-                let gather = self.gather(&shot, surface, lending);
-                self.lend(surface, gather.as_ref(), &mut sample);
-                let reflected = lending.map_or(Vec3A::ZERO, |lending| {
-                    self.kept(&shot, surface, lending, gather.as_ref(), &mut divided)
-                });
-                if is_probe(x, y, self.iteration) && lending.is_some_and(Lending::is_some) {
-                    let alone = self.alone(&shot, surface, gather);
-                    sample.excess = luminance(alone - reflected);
-                }
-                reflected
+        let surface = shot.surface.as_ref().filter(|surface| shares(surface));
+        let shared = surface.map(|surface| Shared {
+            surface,
+            gloss: Receiver::gloss(surface),
+            gather: self.gather(&shot, surface, lending),
+        });
+        if let Some(shared) = &shared {
+            sample.distance = shared.gather.as_ref().map(|g| g.gathered.distance);
+            if lends {
+                self.lend(shared, &mut sample);
             }
-            Some(surface) if own.is_some() => {
-                let (tracer, sampler) = (&self.view.tracer, &shot.sampler);
-                let reflected = tracer.reflected(surface, Bounces::default(), 1.0, sampler);
-                if let Some(divided) = &mut divided {
-                    reflected.divide(divided, 1.0);
-                }
-                reflected.sum()
-            }
-            _ => Vec3A::ZERO,
-        };
-        if let Some((mut pixel, _)) = own {
-            if let Some(mut divided) = divided {
-                shot.divide_below(&mut divided);
-                passes::add_scattered(&mut pixel.extra, self.iteration, &divided);
-            }
-            self.view.note(&shot, self.iteration, &mut pixel);
-            pixel.sums.add_radiance(shot.radiance() + reflected);
-            pixel.sums.add_effective_samples(effective_samples);
+        }
+        if let Some((mut pixel, lending)) = own {
+            let is_probe = is_probe(x, y, self.iteration);
+            sample.excess = self.keep(&shot, shared, lending, is_probe, &mut pixel);
         }
         sample
     }
 
     /// Makes the record of a surface that shares.
-    fn lend(&self, surface: &Surface, gather: Option<&Gather>, sample: &mut PixelSample) {
-        let (view, instance) = (self.view, surface.hit.instance);
-        sample.record = Record::at(surface, view.window.object(view.index, instance));
-        sample.receiver = Receiver::at(surface, Receiver::gloss(surface).as_ref());
-        if let Some(gather) = gather {
-            sample.distance = Some(gather.gathered.distance);
+    fn lend(&self, shared: &Shared, sample: &mut PixelSample) {
+        let (view, surface) = (self.view, shared.surface);
+        let object = view.window.object(view.index, surface.hit.instance);
+        sample.record = Record::at(surface, object);
+        sample.receiver = Receiver::at(surface, shared.gloss.as_ref());
+        if let Some(gather) = &shared.gather {
             gather.lend(surface, &mut sample.record);
         }
     }
 
-    /// What a pixel keeps for itself of the light on its surface: all of it, as path tracing has it, if
-    /// it borrows nothing.
+    /// Adds what a pixel keeps for itself; returns [`PixelSample::excess`].
+    fn keep(
+        &self,
+        shot: &Shot,
+        shared: Option<Shared>,
+        lending: Lending,
+        is_probe: bool,
+        pixel: &mut Pixel,
+    ) -> f32 {
+        let sight = self.view.see(shot, self.iteration, pixel);
+        let borrows = shared.is_some() && lending.is_some();
+        let samples = if borrows { 0.0 } else { 1.0 };
+        pixel.sums.add_effective_samples(samples);
+        let Some(surface) = &shot.surface else {
+            return 0.0;
+        };
+        let is_divided = passes::wants_scattered(pixel.extra.layout);
+        let mut divided = is_divided.then(|| Divided::of(surface));
+        let kept = match &shared {
+            Some(shared) => self.kept(shot, shared, lending, &mut divided),
+            None => self.reflected(shot, surface, &mut divided),
+        };
+        pixel.sums.add_radiance(kept);
+        if let Some(mut divided) = divided {
+            sight.divide_below(&mut divided);
+            passes::add_scattered(&mut pixel.extra, self.iteration, &divided);
+        }
+        match shared {
+            Some(shared) if borrows && is_probe => luminance(self.alone(shot, shared) - kept),
+            _ => 0.0,
+        }
+    }
+
+    /// Light on a surface that does not share: path tracing.
+    fn reflected(&self, shot: &Shot, surface: &Surface, divided: &mut Option<Divided>) -> Vec3A {
+        let (tracer, sampler) = (&self.view.tracer, &shot.sampler);
+        let reflected = tracer.reflected(surface, Bounces::default(), 1.0, sampler);
+        if let Some(divided) = divided {
+            reflected.divide(divided, 1.0);
+        }
+        reflected.sum()
+    }
+
+    /// What a pixel keeps for itself of the light on a surface that shares: all of it, as path tracing
+    /// has it, if it borrows nothing.
     fn kept(
         &self,
         shot: &Shot,
-        surface: &Surface,
+        shared: &Shared,
         lending: Lending,
-        gather: Option<&Gather>,
         divided: &mut Option<Divided>,
     ) -> Vec3A {
-        let direct = self.direct(shot, surface, self.strategy(Some(lending)));
+        let direct = self.direct(shot, shared.surface, self.strategy(Some(lending)));
         if let Some(divided) = divided {
             divided.add_direct(&direct);
         }
-        let kept = gather.map(|gather| {
+        let kept = shared.gather.as_ref().map(|gather| {
             let borrowing = match lending {
                 Lending::None => LobeValues::default(),
-                _ => gather.borrowing(surface),
+                _ => gather.borrowing(shared.surface, shared.gloss.as_ref()),
             };
             gather.kept(borrowing, divided)
         });
         direct.sum() + kept.unwrap_or(Vec3A::ZERO)
     }
 
-    /// What path tracing makes of a surface from which this gather ray went.
-    fn alone(&self, shot: &Shot, surface: &Surface, gather: Option<Gather>) -> Vec3A {
-        let direct = self.direct(shot, surface, ALONE).sum();
-        let gathered = gather.map(|mut gather| {
+    /// What path tracing makes of a surface that shares.
+    fn alone(&self, shot: &Shot, shared: Shared) -> Vec3A {
+        let direct = self.direct(shot, shared.surface, ALONE).sum();
+        let gathered = shared.gather.map(|mut gather| {
             let (gathered, from) = (&mut gather.gathered, &mut gather.from);
             from.strategy = ALONE;
             if gathered.open_sky != Vec3A::ZERO {

@@ -41,7 +41,7 @@ const SURE: f64 = 1.0;
 const DARK: f32 = 0.01;
 
 /// Whose samples a pixel takes beside its own.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Lending {
     /// Nobody's.
     #[default]
@@ -59,47 +59,52 @@ impl Lending {
     }
 }
 
-/// Whether a pixel that borrows is also rendered alone.
-pub fn is_probe(x: usize, y: usize, iteration: u32) -> bool {
-    let spacing = match iteration {
+fn spacing(iteration: u32) -> usize {
+    match iteration {
         ..PILOT_ITERATIONS => PILOT_SPACING,
         _ => SPACING,
-    };
+    }
+}
+
+/// Whether a pixel that borrows is also rendered alone.
+pub fn is_probe(x: usize, y: usize, iteration: u32) -> bool {
+    let spacing = spacing(iteration);
     x.is_multiple_of(spacing) && y.is_multiple_of(spacing)
 }
 
 /// The pixels that are rendered alone as well.
-pub fn probes(region: Region, iteration: u32) -> impl Iterator<Item = usize> {
-    let pixels = 0..region.width * region.height;
-    pixels.filter(move |&pixel| is_probe(pixel % region.width, pixel / region.width, iteration))
+fn probes(region: Region, iteration: u32) -> impl Iterator<Item = usize> {
+    let (width, spacing) = (region.width, spacing(iteration));
+    let rows = (0..region.height).step_by(spacing);
+    rows.flat_map(move |y| (0..width).step_by(spacing).map(move |x| y * width + x))
 }
 
-/// Luminance of a pixel's sum by each way to take samples.
+/// Luminance of a probe's sum by each way to take samples.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Pilot {
-    /// [`Lending::Window`].
-    pub window: f32,
+struct Ways {
+    /// As it is rendered.
+    chosen: f32,
     /// [`Lending::Frame`].
-    pub frame: f32,
-    /// [`Lending::None`]; of probes alone.
-    pub own: f32,
+    frame: f32,
+    /// [`Lending::None`].
+    alone: f32,
 }
 
-impl Pilot {
-    /// Each way less what it had brought before.
-    pub fn less(self, before: Self) -> Self {
+impl Ways {
+    /// Each less what it had brought before.
+    fn less(self, before: Self) -> Self {
         Self {
-            window: self.window - before.window,
+            chosen: self.chosen - before.chosen,
             frame: self.frame - before.frame,
-            own: self.own - before.own,
+            alone: self.alone - before.alone,
         }
     }
 
     fn times(self, factor: f32) -> Self {
         Self {
-            window: self.window * factor,
+            chosen: self.chosen * factor,
             frame: self.frame * factor,
-            own: self.own * factor,
+            alone: self.alone * factor,
         }
     }
 }
@@ -136,8 +141,8 @@ impl Costs {
 /// Two runs of a pixel.
 struct Trial {
     pixel: usize,
-    runs: [Pilot; 2],
-    /// From where it borrows: what [`Pilot::window`] tells then.
+    runs: [Ways; 2],
+    /// The way that was chosen.
     lending: Lending,
 }
 
@@ -175,17 +180,18 @@ impl Gain {
 }
 
 impl Trial {
-    /// V c of the window less that of the frame and of the pixel alone, over the squared brightness.
+    /// V c of the way that was chosen less that of the frame and of the pixel alone, over the squared
+    /// brightness.
     fn gains(&self, brightness: f32, costs: Costs) -> [f32; 2] {
         let scale = 0.5 / (brightness * brightness + DARK);
-        let variance = |value: fn(&Pilot) -> f32| {
+        let variance = |value: fn(&Ways) -> f32| {
             let difference = value(&self.runs[0]) - value(&self.runs[1]);
             difference * difference * scale
         };
-        let window = variance(|run| run.window) * costs.of(self.lending);
+        let chosen = variance(|run| run.chosen) * costs.of(self.lending);
         [
-            window - variance(|run| run.frame) * costs.frame,
-            window - variance(|run| run.own),
+            chosen - variance(|run| run.frame) * costs.frame,
+            chosen - variance(|run| run.alone),
         ]
     }
 }
@@ -196,7 +202,7 @@ fn brightness(region: Region, trials: &[Trial]) -> Tiles<f32> {
     let mut sums = Tiles::<[f32; 2]>::new(region);
     for Trial { pixel, runs, .. } in trials {
         let [sum, count] = sums.get_mut(sums.of(*pixel));
-        *sum += 0.5 * (runs[0].window + runs[1].window);
+        *sum += 0.5 * (runs[0].chosen + runs[1].chosen);
         *count += 1.0;
     }
     sums.map(|[sum, count]| sum / count)
@@ -218,29 +224,19 @@ fn sure_gains(region: Region, trials: &[Trial], costs: Costs, errors: f64) -> Ti
     })
 }
 
-/// From where each pixel borrows after both pilot iterations, row by row.
-pub fn choose(region: Region, first: &[Pilot], second: &[Pilot], costs: Costs) -> Vec<Lending> {
-    let trial = |pixel: usize| Trial {
-        pixel,
-        runs: [first[pixel], second[pixel]],
-        lending: Lending::Window,
-    };
-    let trials: Vec<Trial> = probes(region, 0).map(trial).collect();
-    let mut lending = vec![Lending::Window; first.len()];
-    turn_away(region, &trials, costs, PILOT_SURE, &mut lending);
-    lending
-}
-
 /// Pixels that surely gain by it borrow from less.
 fn turn_away(region: Region, trials: &[Trial], costs: Costs, errors: f64, lending: &mut [Lending]) {
     let gains = sure_gains(region, trials, costs, errors);
-    for (pixel, lending) in lending.iter_mut().enumerate() {
-        *lending = match (gains.at_pixel(pixel), *lending) {
-            ([frame, own], _) if own > 0.0 && own >= frame => Lending::None,
-            ([frame, _], Lending::Window) if frame > 0.0 => Lending::Frame,
-            (_, same) => same,
-        };
-    }
+    lending
+        .par_iter_mut()
+        .enumerate()
+        .for_each(|(pixel, lending)| {
+            *lending = match (gains.at_pixel(pixel), *lending) {
+                ([frame, alone], _) if alone > 0.0 && alone >= frame => Lending::None,
+                ([frame, _], Lending::Window) if frame > 0.0 => Lending::Frame,
+                (_, same) => same,
+            };
+        });
 }
 
 /// How probes fare by the ways that they were not rendered by.
@@ -250,7 +246,7 @@ pub struct Trials {
     excess: Vec<Excess>,
     /// Luminance by all ways when the number of iterations was last a power of two, probe after
     /// probe.
-    halves: Vec<Pilot>,
+    halves: Vec<Ways>,
 }
 
 /// Luminance of a probe's sum by other ways less that of what it has.
@@ -259,7 +255,7 @@ pub struct Excess {
     /// By its frame's samples.
     pub frame: f32,
     /// Alone.
-    pub own: f32,
+    pub alone: f32,
 }
 
 /// The probes in a row of pixels; none in most rows.
@@ -302,43 +298,43 @@ impl Trials {
         size_of_val(&self.excess[..]) + size_of_val(&self.halves[..])
     }
 
-    fn excess(&self, pixel: usize) -> Excess {
-        let [x, y] = [pixel % self.width, pixel / self.width].map(|place| place / PILOT_SPACING);
-        self.excess[y * self.width.div_ceil(PILOT_SPACING) + x]
-    }
-
-    /// Each time the iterations have doubled, lets pixels borrow from less that are surely better off
-    /// so.
+    /// After the pilot iterations, and each time the iterations have doubled since, lets pixels borrow
+    /// from less that are surely better off so.
     pub fn look(&mut self, film: &Film, iterations: u32, costs: Costs, lending: &mut [Lending]) {
         if !iterations.is_power_of_two() {
             return;
         }
-        let region = film.region;
-        let sums = probes(region, PILOT_ITERATIONS).map(|pixel| {
-            let window = film.luminance(pixel);
-            let excess = self.excess(pixel);
-            Pilot {
-                window,
-                frame: window + excess.frame,
-                own: window + excess.own,
-            }
-        });
-        let sums: Vec<Pilot> = sums.collect();
-        if iterations >= JUDGE_FROM {
-            let halves = sums.iter().zip(&self.halves);
+        // The second half of the iterations has the probes of its last one.
+        let probes = || probes(film.region, iterations - 1);
+        let sums: Vec<Ways> = probes().map(|pixel| self.ways(film, pixel)).collect();
+        let errors = match iterations {
+            PILOT_ITERATIONS => Some(PILOT_SURE),
+            JUDGE_FROM.. => Some(SURE),
+            _ => None,
+        };
+        if let Some(errors) = errors {
             let scale = 2.0 / iterations as f32;
-            let runs =
-                halves.map(|(&sum, &first)| [first.times(scale), sum.less(first).times(scale)]);
-            let trials = probes(region, PILOT_ITERATIONS).zip(runs);
-            let trials = trials.map(|(pixel, runs)| Trial {
+            let halves = sums.iter().zip(&self.halves);
+            let trials = probes().zip(halves).map(|(pixel, (&sum, &first))| Trial {
                 pixel,
-                runs,
+                runs: [first.times(scale), sum.less(first).times(scale)],
                 lending: lending[pixel],
             });
-            let trials: Vec<Trial> = trials.filter(|t| t.lending != Lending::None).collect();
-            turn_away(region, &trials, costs, SURE, lending);
+            let trials: Vec<Trial> = trials.filter(|t| t.lending.is_some()).collect();
+            turn_away(film.region, &trials, costs, errors, lending);
         }
         self.halves = sums;
+    }
+
+    fn ways(&self, film: &Film, pixel: usize) -> Ways {
+        let [x, y] = [pixel % self.width, pixel / self.width].map(|place| place / PILOT_SPACING);
+        let excess = &self.excess[y * self.width.div_ceil(PILOT_SPACING) + x];
+        let chosen = film.luminance(pixel);
+        Ways {
+            chosen,
+            frame: chosen + excess.frame,
+            alone: chosen + excess.alone,
+        }
     }
 }
 
@@ -364,21 +360,25 @@ mod tests {
     /// divides the variance by `window`, the frame by `frame`.
     fn shares(window: [f32; 2], frame: [f32; 2], costs: Costs) -> [[f32; 3]; 2] {
         let mut random = Random::new(9);
-        let mut pixels = || -> Vec<Pilot> {
-            let pixel = |index: usize| {
-                let half = usize::from(index % SIDE >= SIDE / 2);
-                let mut noise = |gain: f32| 1.0 + 3.0 * (random.next() - 0.5) / gain.sqrt();
-                Pilot {
-                    window: noise(window[half]),
-                    frame: noise(frame[half]),
-                    own: noise(1.0),
-                }
-            };
-            (0..SIDE * SIDE).map(pixel).collect()
+        let mut run = |pixel: usize| {
+            let half = usize::from(pixel % SIDE >= SIDE / 2);
+            let mut noise = |gain: f32| 1.0 + 3.0 * (random.next() - 0.5) / gain.sqrt();
+            Ways {
+                chosen: noise(window[half]),
+                frame: noise(frame[half]),
+                alone: noise(1.0),
+            }
         };
-        let (first, second) = (pixels(), pixels());
+        let trial = |pixel| Trial {
+            pixel,
+            runs: [run(pixel), run(pixel)],
+            lending: Lending::Window,
+        };
+        let trials: Vec<Trial> = probes(REGION, 0).map(trial).collect();
+        let mut lending = vec![Lending::Window; SIDE * SIDE];
+        turn_away(REGION, &trials, costs, PILOT_SURE, &mut lending);
         let mut shares = [[0.0; 3]; 2];
-        for (index, way) in choose(REGION, &first, &second, costs).iter().enumerate() {
+        for (index, way) in lending.iter().enumerate() {
             let half = usize::from(index % SIDE >= SIDE / 2);
             shares[half][*way as usize] += 2.0 / (SIDE * SIDE) as f32;
         }
@@ -403,9 +403,13 @@ mod tests {
 
     #[test]
     fn darkness_borrows() {
-        let dark = vec![Pilot::default(); SIDE * SIDE];
-        let ways = choose(REGION, &dark, &dark, Costs::new(49, 3, 3.0, 8));
-        assert!(ways.iter().all(|&way| way == Lending::Window));
+        let mut lending = vec![Lending::Window; SIDE * SIDE];
+        let film = Film::new(REGION, Layout::new([]).unwrap());
+        let mut trials = Trials::new(REGION);
+        for iterations in 1..=16 {
+            trials.look(&film, iterations, Costs::new(49, 3, 3.0, 8), &mut lending);
+        }
+        assert!(lending.iter().all(|&way| way == Lending::Window));
     }
 
     /// Shared samples scatter alike on both halves. Those of path tracing scatter more on the left; on
@@ -432,7 +436,7 @@ mod tests {
                             (false, _) => 1.0,
                         };
                         if let Some(excess) = probes.at(x) {
-                            excess.own += alone - shared;
+                            excess.alone += alone - shared;
                         }
                     }
                 });
