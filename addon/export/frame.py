@@ -22,7 +22,7 @@ from .matte import Mattes
 from .motion import MotionTable, still_arrays
 from .report import Warnings
 from .shader.layers import ACTIVE_UV
-from .shutter import SetTime, read_shutter, set_time
+from .shutter import SetTime, Shutter, read_shutter, set_time
 from .simulation import warn_of_unbaked
 from .world import ambient_distance, export_world, mist
 
@@ -69,40 +69,25 @@ def export_frame(
         set_time(move, time)
     arrays = export_camera(depsgraph, resolution, warnings)
     images = ImageTable(cache, core, warnings, frame)
-    mattes = Mattes() if any(name.startswith("Crypto") for name in passes) else None
-    outputs = frozenset(int(name.partition(".")[2]) for name in passes if name.startswith("AOV"))
-    materials = MaterialTable(depsgraph, cache, core, images, warnings, outputs, mattes)
-    lights = LightTable(warnings, materials)
+    materials = _material_table(depsgraph, cache, core, images, warnings, passes)
     has_flow = move is not None and "Vector" in passes
     instances = InstanceTable(
         depsgraph,
         cache,
         core,
         materials,
-        lights,
+        LightTable(warnings, materials),
         warnings,
         should_stop,
         is_blurred=shutter is not None,
         is_visited_again=shutter is not None or has_flow,
-        mattes=mattes,
         layers=frozenset({ACTIVE_UV} if "UV" in passes else ()),
     )
     cache.begin_frame(depsgraph)
     instances.read()
-    world = depsgraph.view_layer_eval.world_override or depsgraph.scene_eval.world
-    arrays["world_material"] = np.array(materials.index_of_world(world), np.int32)
-    arrays |= instances.arrays() | materials.arrays() | lights.arrays() | still_arrays()
-    arrays |= still_flow() | {"mist": mist(world), "ambient_distance": ambient_distance(world)}
-    arrays |= export_world(world, images, time, warnings, should_stop).arrays()
-    # The flow first: motion gives instances other meshes.
-    if move and has_flow:
-        flow = FlowTable(depsgraph, cache, instances, arrays, resolution, should_stop)
-        flow.read(time, 1.0, move)
-        arrays |= flow.arrays()
-    if move and shutter:
-        motion = MotionTable(depsgraph, cache, instances, arrays, resolution, should_stop)
-        motion.read(time, 0.5 * shutter.length, move)
-        arrays |= motion.arrays() | {"shutter_curve": shutter.curve}
+    arrays |= _world_arrays(materials, time, should_stop)
+    arrays |= instances.arrays() | materials.arrays() | instances.lights.arrays()
+    arrays |= _moved_arrays(instances, arrays, resolution, time, move, shutter, has_flow)
     warn_of_unbaked(depsgraph, warnings)
     parts = [mesh.digest for mesh in instances.meshes] + [image.digest for image in images.used]
     seconds = perf_counter() - started
@@ -113,10 +98,62 @@ def export_frame(
         [image.handle for image in images.used],
         arrays,
         warnings.messages(),
-        mattes.manifests if mattes else {},
+        materials.mattes.manifests if materials.mattes else {},
         content_hash(parts, arrays),
         seconds,
     )
+
+
+def _material_table(
+    depsgraph: bpy.types.Depsgraph,
+    cache: ExportCache,
+    core: Any,
+    images: ImageTable,
+    warnings: Warnings,
+    passes: Collection[str],
+) -> MaterialTable:
+    """An empty table that will compile and note what these passes need."""
+    outputs = frozenset(int(name.partition(".")[2]) for name in passes if name.startswith("AOV"))
+    mattes = Mattes() if any(name.startswith("Crypto") for name in passes) else None
+    return MaterialTable(depsgraph, cache, core, images, warnings, outputs, mattes)
+
+
+def _world_arrays(
+    materials: MaterialTable, time: float, should_stop: Callable[[], bool]
+) -> dict[str, np.ndarray]:
+    """What the arrays of the contract say of the world. Raises ExportStopped."""
+    layer = materials.depsgraph.view_layer_eval
+    world = layer.world_override or materials.depsgraph.scene_eval.world
+    material = np.array(materials.index_of_world(world), np.int32)
+    read = export_world(world, materials.images, time, materials.warnings, should_stop)
+    return read.arrays() | {
+        "world_material": material,
+        "mist": mist(world),
+        "ambient_distance": ambient_distance(world),
+    }
+
+
+def _moved_arrays(
+    instances: InstanceTable,
+    camera: dict[str, np.ndarray],
+    resolution: tuple[int, int],
+    time: float,
+    move: SetTime | None,
+    shutter: Shutter | None,
+    has_flow: bool,
+) -> dict[str, np.ndarray]:
+    """What is elsewhere before and after this time. Moves the scene; raises ExportStopped."""
+    arrays = still_arrays() | still_flow()
+    # The flow first: motion gives instances other meshes.
+    if move and has_flow:
+        flow = FlowTable(instances, camera, resolution)
+        flow.read(time, 1.0, move)
+        arrays |= flow.arrays()
+    if move and shutter:
+        motion = MotionTable(instances, camera, resolution)
+        motion.read(time, 0.5 * shutter.length, move)
+        arrays |= motion.arrays() | {"shutter_curve": shutter.curve}
+    return arrays
 
 
 def content_hash(parts: list[bytes], arrays: dict[str, np.ndarray]) -> bytes:

@@ -17,7 +17,6 @@ from .cache import CachedMesh, ExportCache
 from .light import LightTable
 from .linking import LinkSets, name_of
 from .material import MaterialTable
-from .matte import Mattes
 from .mesh import NotFinite, load_mesh, load_surface, mesh_positions
 from .points import placements, read_points, unit_ball
 from .report import ExportStopped, Warnings
@@ -106,8 +105,6 @@ class InstanceTable:
     is_blurred: bool = False
     # Whether `visit_again` will be called.
     is_visited_again: bool = False
-    # Where Cryptomatte's names are noted, if they are asked for.
-    mattes: Mattes | None = None
     # Layers of all meshes, beside those that materials read.
     layers: frozenset[str] = frozenset()
     meshes: list[CachedMesh] = field(default_factory=list)
@@ -203,7 +200,7 @@ class InstanceTable:
         mattes = np.frombuffer(self._matte_numbers, np.float32).reshape(-1, 2)
         catchers = np.array([seen.is_catcher for seen in self._seen], np.uint32)
         return {
-            "instance_mattes": mattes[keep] if self.mattes else mattes,
+            "instance_mattes": mattes[keep] if self.materials.mattes else mattes,
             "instance_mesh": meshes[keep],
             "instance_key": keys[keep],
             "world_from_object": matrices[keep],
@@ -240,8 +237,8 @@ class InstanceTable:
         self._keys.update(dict.fromkeys(self._free_keys(key, count)))
         self._seen += [self._seen_of(owner, item.parent if item.is_instance else owner)] * count
         self._colors.extend(owner.color[:] * count)
-        if self.mattes:
-            self._matte_numbers.extend(self.mattes.of_object(owner) * count)
+        if self.materials.mattes:
+            self._matte_numbers.extend(self.materials.mattes.of_object(owner) * count)
         self._infos.extend((owner.pass_index, item.random_id / RANDOM_IDS) * count)
         if shape.balls is None:
             matrix = item.matrix_world

@@ -182,12 +182,10 @@ def node_strength(data: bpy.types.Light) -> Color | None:
             return (0.0, 0.0, 0.0)
         if shader.node.bl_idname != "ShaderNodeEmission":
             return None
-        inputs = (shader.input(identifier) for identifier in ("Color", "Strength"))
-        ends = [socket.follow() for socket in inputs if socket]
+        color, strength = (shader.input(name).follow() for name in ("Color", "Strength"))
     except RecursiveGroup:
         return None  # The compiler tells the user.
-    color, strength = (end if isinstance(end, Constant) else None for end in ends)
-    if color is None or strength is None:
+    if not (isinstance(color, Constant) and isinstance(strength, Constant)):
         return None
     red, green, blue = (max(channel * strength.number(), 0.0) for channel in color.color())
     return (red, green, blue)

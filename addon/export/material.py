@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -62,18 +63,28 @@ class MaterialTable:
     def index_of_light(self, light: bpy.types.Light) -> int:
         """Row of an evaluated light's nodes, which are compiled as a material's."""
         compiler = Compiler(light.name, 0, self._operations, is_lamp=True)
-        uid = light.original.session_uid
-        return self._row(uid, compiler, lambda: compile_nodes(compiler, light))
+
+        def write() -> None:
+            with failures_told(compiler):
+                compile_surface(compiler, surface(light.node_tree))
+
+        return self._row(light.original.session_uid, compiler, write)
 
     def index_of_world(self, world: bpy.types.World | None) -> int:
         """Row of what fills an evaluated world; -1 for nothing."""
         if world is None or not uses_nodes(world):
             return -1
-        if _linked(active_output(world.node_tree), "Volume") is None:
+        output = active_output(world.node_tree)
+        if output is None or not output.inputs["Volume"].is_linked:
             return -1
         compiler = Compiler(world.name, 0, self._operations)
-        uid = world.original.session_uid
-        return self._row(uid, compiler, lambda: compile_nodes(compiler, world))
+
+        def write() -> None:
+            with failures_told(compiler):
+                if volume := _linked(output, "Volume"):
+                    compile_volume(compiler, volume)
+
+        return self._row(world.original.session_uid, compiler, write)
 
     def _row(self, uid: int, compiler: Compiler, compile_owner: Callable[[], None]) -> int:
         if uid not in self._rows:
@@ -120,7 +131,8 @@ def compile_material(compiler: Compiler, material: bpy.types.Material | None) ->
         red, green, blue, _ = material.diffuse_color
         diffuse_surface(compiler, (red, green, blue))
     else:
-        compile_nodes(compiler, material)
+        with failures_told(compiler):
+            _compile_tree(compiler, material)
 
 
 def compile_outputs(
@@ -137,29 +149,18 @@ def compile_outputs(
         pass  # The surface's own compilation has told the user.
 
 
-def compile_nodes(
-    compiler: Compiler, owner: bpy.types.Material | bpy.types.Light | bpy.types.World
-) -> None:
-    """Write the program of an evaluated node tree; of a world that of its volume."""
+@contextmanager
+def failures_told(compiler: Compiler) -> Iterator[None]:
+    """Give up, and tell the user why, where nodes lead round in circles or too far."""
     try:
-        if isinstance(owner, bpy.types.Material):
-            _compile_material_tree(compiler, owner)
-        elif isinstance(owner, bpy.types.World):
-            _compile_world_volume(compiler, owner)
-        else:
-            compile_surface(compiler, surface(owner.node_tree))
+        yield
     except RecursiveGroup as group:
         compiler.give_up(f"the node group '{group}' contains itself")
     except RecursionError:
         compiler.give_up("its chains of nodes are too long")
 
 
-def _compile_world_volume(compiler: Compiler, world: bpy.types.World) -> None:
-    if volume := _linked(active_output(world.node_tree), "Volume"):
-        compile_volume(compiler, volume)
-
-
-def _compile_material_tree(compiler: Compiler, material: bpy.types.Material) -> None:
+def _compile_tree(compiler: Compiler, material: bpy.types.Material) -> None:
     output = active_output(material.node_tree)
     ends = {name: _linked(output, name) for name in ("Volume", "Displacement")}
     if displacement := ends["Displacement"]:

@@ -8,16 +8,16 @@ passes, as the objects and the camera want them; for the pass Vector the frames 
 from __future__ import annotations
 
 import hashlib
+from abc import ABC, abstractmethod
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-import bpy
 import numpy as np
 
-from .cache import CachedMesh, ExportCache
+from .cache import CachedMesh
 from .camera import camera_matrices
 from .instance import InstanceTable, Placed, Shape
 from .points import placements, read_points
@@ -32,15 +32,13 @@ CAMERA_ARRAYS = {"world_from_camera": "camera_motion", "clip_from_camera": "came
 
 
 @dataclass
-class TimeTable:
+class TimeTable(ABC):
     """What differs at other times from the exported one, for the objects of an exported frame."""
 
-    depsgraph: bpy.types.Depsgraph
-    cache: ExportCache
     instances: InstanceTable
+    # The arrays of the exported camera.
     camera: dict[str, np.ndarray]
     resolution: tuple[int, int]
-    should_stop: Callable[[], bool]
     # By time: rows (N,) of the instances that were there, and where they were (N, 3, 4).
     _matrices: dict[Fraction, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     # By shape: positions (V, 3) at the times when Blender evaluated it anew.
@@ -60,29 +58,33 @@ class TimeTable:
         Raises:
             ExportStopped: the user wants to stop.
         """
-        camera = self.depsgraph.scene.camera
+        depsgraph = self.instances.depsgraph
+        camera = depsgraph.scene.camera
         camera_times = self._times_of_camera()
         times = set(camera_times).union(*{self._times(p) for p in self.instances.placed()})
         for time in sorted(times - {Fraction(0)}):
-            if self.should_stop():
+            if self.instances.should_stop():
                 raise ExportStopped
             set_time(move, middle + float(time) * unit)
             if time in camera_times:
-                found = camera.evaluated_get(self.depsgraph)
-                self._camera[time] = camera_matrices(found, self.depsgraph, self.resolution)
+                found = camera.evaluated_get(depsgraph)
+                self._camera[time] = camera_matrices(found, depsgraph, self.resolution)
             self._read_objects(time)
 
+    @abstractmethod
     def _times(self, placed: Placed) -> Times:
-        raise NotImplementedError
+        """When an instance is looked at."""
 
+    @abstractmethod
     def _times_of_camera(self) -> Times:
-        raise NotImplementedError
+        """When the camera is looked at."""
 
+    @abstractmethod
     def _is_deforming(self, placed: Placed) -> bool:
-        raise NotImplementedError
+        """Whether its vertices are looked at, too."""
 
     def _read_objects(self, time: Fraction) -> None:
-        changed = self.cache.changed(self.depsgraph)
+        changed = self.instances.cache.changed(self.instances.depsgraph)
         rows, matrices = array("q"), array("f")
         read: set[int] = set()
         for item, owner, all_placed in self.instances.visit_again():
@@ -144,7 +146,7 @@ class MotionTable(TimeTable):
         return placed.times
 
     def _times_of_camera(self) -> Times:
-        camera = self.depsgraph.scene.camera
+        camera = self.instances.depsgraph.scene.camera
         return motion_times(motion_steps(camera, camera)[0])
 
     def _is_deforming(self, placed: Placed) -> bool:
@@ -205,7 +207,7 @@ class MotionTable(TimeTable):
     def _moving(self, mesh: CachedMesh, positions: np.ndarray) -> CachedMesh:
         content = hashlib.blake2b(mesh.digest, digest_size=16)
         content.update(positions)
-        return self.cache.moving(mesh, content.digest(), positions)
+        return self.instances.cache.moving(mesh, content.digest(), positions)
 
 
 def differs(numbers: np.ndarray, base: np.ndarray) -> np.ndarray:
