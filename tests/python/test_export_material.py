@@ -534,13 +534,37 @@ def test_a_bare_volume_lets_light_pass() -> None:
     assert closure.kind == "Transparent"
 
 
-def test_textures_in_volumes_are_named() -> None:
+@pytest.mark.parametrize(
+    ("kind", "output"),
+    [
+        ("ShaderNodeTexWave", "Fac"),
+        ("ShaderNodeLayerWeight", "Facing"),
+        ("ShaderNodeFresnel", "Factor" if bpy.app.version >= (5, 0, 0) else "Fac"),
+    ],
+)
+def test_what_differs_from_place_to_place_in_volumes_is_named(kind: str, output: str) -> None:
     def build(tree: Any) -> None:
-        wave = node(tree, "ShaderNodeTexWave")
-        with_volume(tree, node(tree, "ShaderNodeVolumeScatter", Density=wave.outputs["Fac"]))
+        factor = node(tree, kind).outputs[output]
+        with_volume(tree, node(tree, "ShaderNodeVolumeScatter", Density=factor))
 
     _, warnings = closures_of(build)
     assert warnings == [
         "'Wood': a texture in Density of Volume Scatter is not rendered yet "
         "(its default value is used)"
     ]
+
+
+def test_a_value_in_a_volume_may_go_many_ways() -> None:
+    """Each sum reads the one before twice: two to the power of forty ways lead to the first."""
+
+    def build(tree: Any) -> None:
+        value = node(tree, "ShaderNodeValToRGB").outputs["Color"]
+        for _ in range(40):
+            sums = node(tree, "ShaderNodeMath")
+            tree.links.new(value, sums.inputs[0])
+            tree.links.new(value, sums.inputs[1])
+            value = sums.outputs[0]
+        with_volume(tree, node(tree, "ShaderNodeVolumeScatter", Density=value))
+
+    _, warnings = closures_of(build)
+    assert warnings == []

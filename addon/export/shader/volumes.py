@@ -15,8 +15,10 @@ UNEVEN = (
     "attribute",
     "camera_data",
     "coordinate",
+    "fresnel",
     "geometry",
     "image",
+    "layer_weight",
     "light",
     "object_info",
     "uv_tangent",
@@ -120,12 +122,17 @@ def _even(compiler: Compiler, source: Source, identifier: str) -> Operand:
 
 
 def _is_uneven(compiler: Compiler, value: Operand) -> bool:
-    if not isinstance(value, Value):
-        return False
-    instruction = compiler.program.instructions[compiler.program.start + value.index]
-    if instruction.operation.name.startswith(UNEVEN):
-        return True
-    return any(_is_uneven(compiler, operand) for operand in instruction.operands)
+    """Tell whether any instruction that the value is computed from reads where it is."""
+    program = compiler.program
+    reached = {value}
+    # Instructions only read earlier ones: backwards each is met once, however many read it.
+    for index in range(value.index if isinstance(value, Value) else -1, -1, -1):
+        if Value(index) in reached:
+            instruction = program.instructions[program.start + index]
+            if instruction.operation.name.startswith(UNEVEN):
+                return True
+            reached.update(instruction.operands)
+    return False
 
 
 def _saturated_rest(compiler: Compiler, color: Operand) -> Operand:
