@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from typing import Any, NamedTuple, cast
 
 import bpy
@@ -41,7 +42,7 @@ CYCLES_SWITCH = {
     "Volume Direct": "use_pass_volume_direct",
     "Volume Indirect": "use_pass_volume_indirect",
 }
-# The same for passes of which there are several.
+# Blender's switches for rows of the contract of which there are several passes.
 CRYPTOMATTE = {
     "CryptoObject": "use_pass_cryptomatte_object",
     "CryptoMaterial": "use_pass_cryptomatte_material",
@@ -73,15 +74,18 @@ NAMES_BEFORE_5 = {
     "Ambient Occlusion": "AO",
 }
 # Passes of light: of what surfaces scatter, and of what is seen where it comes from.
-SCATTERED_LIGHT = tuple(
-    f"{part} {way}"
-    for part in ("Diffuse", "Glossy", "Transmission")
-    for way in ("Direct", "Indirect", "Color")
-)
+PARTS = ("Diffuse", "Glossy", "Transmission")
+SCATTERED_LIGHT = {
+    part: tuple(f"{part} {way}" for way in ("Direct", "Indirect", "Color")) for part in PARTS
+}
 OTHER_LIGHT = ("Emission", "Environment", "Ambient Occlusion", *CYCLES_SWITCH)
-LIGHT = (*SCATTERED_LIGHT, *OTHER_LIGHT)
-# Methods that tell the parts of scattered light apart.
+LIGHT = frozenset((*chain(*SCATTERED_LIGHT.values()), *OTHER_LIGHT))
+# Methods that tell the parts of scattered light apart, and the passes that need it.
 DIVIDING_METHODS = ("DUAL_CONE", "PATH")
+DIVIDED = (
+    *(f"{part} {way}" for part in PARTS for way in ("Direct", "Indirect")),
+    *CYCLES_SWITCH,
+)
 # What the denoiser reads.
 GUIDES = ("Albedo", "Normal")
 
@@ -156,12 +160,9 @@ def problems(view_layer: bpy.types.ViewLayer, method: str) -> Iterator[str]:
     """Tell of the passes that a view layer asks for and will not get."""
     if lost := ", ".join(missing(view_layer)):
         yield f"Not rendered yet of the passes of '{view_layer.name}': {lost}"
-    divided = (*SCATTERED_LIGHT, *CYCLES_SWITCH)
-    asked = [p.name for p in enabled_passes(view_layer) if p.source in divided]
-    asked = [name for name in asked if not name.endswith(("Color", "Col"))]
-    if asked and method not in DIVIDING_METHODS:
-        names = ", ".join(asked)
-        yield f"{names}: only Dual Cone and Path Tracing make these passes, they are black"
+    divided = ", ".join(p.name for p in enabled_passes(view_layer) if p.source in DIVIDED)
+    if divided and method not in DIVIDING_METHODS:
+        yield f"{divided}: only Dual Cone and Path Tracing make these passes, they are black"
 
 
 def enabled_passes(view_layer: bpy.types.ViewLayer) -> Iterator[Pass]:

@@ -347,9 +347,8 @@ class DUALCONE_PT_passes_light(PassesPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the switches."""
         layout = labelled_rows(self)
-        for part in ("Diffuse", "Glossy", "Transmission"):
-            found = [source for source in passes.LIGHT if source.startswith(part)]
-            self.draw_switches(layout, context.view_layer, part, found, is_short=True)
+        for part, sources in passes.SCATTERED_LIGHT.items():
+            self.draw_switches(layout, context.view_layer, part, sources, is_short=True)
         self.draw_switches(layout, context.view_layer, "Other", passes.OTHER_LIGHT)
 
 
