@@ -10,12 +10,12 @@
 //! # Departures from Cycles
 //! The walk is not guided towards the surface. Of several such closures of one surface the mean walks. Blender's Christensen-Burley method is this walk too.
 
-use std::f32::consts::{PI, TAU};
+use std::f32::consts::PI;
 
 use glam::Vec3A;
 
 use crate::math::{Frame, Ggx, Ray, luminance};
-use crate::sampling::{ALPHA_MIN, Walk, sample_cosine};
+use crate::sampling::{ALPHA_MIN, Walk, sample_scattered};
 
 /// Steps of a walk; what is still inside is lost, as in Cycles.
 const STEPS_MAX: u32 = 256;
@@ -202,16 +202,11 @@ fn dipole_albedo(color: f32, boundary: f32) -> f32 {
     0.5 * (low + high)
 }
 
-fn each(v: Vec3A, f: impl Fn(f32) -> f32) -> Vec3A {
-    Vec3A::from_array(v.to_array().map(f))
-}
-
 impl Subsurface {
     /// Channels that spread far enough to be worth a walk.
     pub fn spreads(&self) -> Vec3A {
-        each(self.radius, |radius| {
-            f32::from(u8::from(radius > RADIUS_MIN))
-        })
+        let is_wide = self.radius.cmpgt(Vec3A::splat(RADIUS_MIN));
+        Vec3A::select(is_wide, Vec3A::ONE, Vec3A::ZERO)
     }
 
     /// Takes up another closure of the same surface.
@@ -235,17 +230,15 @@ impl Subsurface {
                 let ior = self.ior;
                 let diffuse = (-1.44 / ior + 0.71) / ior + 0.668 + 0.0636 * ior;
                 let boundary = 4.0 / 3.0 * (1.0 + diffuse) / (1.0 - diffuse);
-                self.radius
-                    * each(self.color, |color| {
-                        (3.0 * (1.0 - dipole_albedo(color, boundary))).sqrt()
-                    })
+                let albedo = self.color.map(|color| dipole_albedo(color, boundary));
+                self.radius * (3.0 * (1.0 - albedo)).sqrt()
             }
         }
     }
 
     fn medium(&self) -> Medium {
         // The weight has the colour, which scattering makes: it is taken out.
-        let albedo = each(self.color, |color| albedo_for(color, self.anisotropy));
+        let albedo = self.color.map(|color| albedo_for(color, self.anisotropy));
         let raised = albedo.max(Vec3A::splat(ALBEDO_MIN));
         Medium {
             extinction: 1.0 / (self.free_path().max(Vec3A::splat(1e-16)) * (1.0 - self.anisotropy)),
@@ -297,7 +290,7 @@ impl Subsurface {
             ray.t_max = length;
             let met = meet(&ray);
             let way = met.as_ref().map_or(length, |(t, _)| *t);
-            let passed = each(medium.extinction * -way, f32::exp);
+            let passed = (medium.extinction * -way).exp();
             if let Some((_, hit)) = met {
                 let carried = carried * passed / pmf.dot(passed);
                 return carried.is_finite().then_some(Exit { ray, hit, carried });
@@ -311,7 +304,8 @@ impl Subsurface {
                 }
                 carried /= survival;
             }
-            let direction = scattered(ray.direction, anisotropy, numbers);
+            let u = [numbers.next(), numbers.next()];
+            let direction = sample_scattered(ray.direction, anisotropy, u);
             ray = Ray::new(ray.at(length), direction).at_time(ray.time);
         }
         None
@@ -331,17 +325,6 @@ fn choose_channel(weights: Vec3A, u: f32) -> Option<(usize, Vec3A)> {
         _ => 2,
     };
     Some((channel, pmf))
-}
-
-/// A direction by the phase function of Henyey and Greenstein.
-fn scattered(direction: Vec3A, anisotropy: f32, numbers: &mut Walk) -> Vec3A {
-    let cos = sample_cosine(anisotropy, numbers.next());
-    let sin = (1.0 - cos * cos).max(0.0).sqrt();
-    let (y, x) = (TAU * numbers.next()).sin_cos();
-    let around = Frame::from_normal(direction);
-    around
-        .to_world(Vec3A::new(sin * x, sin * y, cos))
-        .normalize()
 }
 
 #[cfg(test)]
@@ -434,7 +417,7 @@ mod tests {
         };
         let mean = (0..40_000).filter_map(walk).sum::<Vec3A>() / 40_000.0;
         let share = mean / body.medium().carried;
-        let expected = each(-depth / path, f32::exp);
+        let expected = (-depth / path).exp();
         assert!(
             (share - expected).abs().max_element() < 0.01,
             "{share} {expected}"

@@ -8,7 +8,7 @@ mod shutter;
 
 pub use bsdf::{
     ALPHA_MIN, Bsdf, BsdfSample, Gloss, LobePdfs, LobeValues, Part, Principled, alpha_of,
-    sample_cosine,
+    sample_scattered,
 };
 pub use lights::{
     LightClass, LightHit, LightSample, LightSampler, Receiver, Strategy, emitted_radiance,

@@ -35,7 +35,7 @@ use lobe::{Lobe, Model};
 pub use microfacet::ALPHA_MIN;
 use microfacet::{Glass, Interface, Reflection};
 use phase::Phase;
-pub use phase::sample_cosine;
+pub use phase::sample_scattered;
 pub use principled::Principled;
 
 /// Closures that a surface may have beside its Lambert part: a Principled BSDF with all its layers.

@@ -19,7 +19,7 @@ pub struct Phase {
 const EVEN: f32 = 1e-3;
 
 /// The cosine, between the ways before and after, that one number draws.
-pub fn sample_cosine(anisotropy: f32, u: f32) -> f32 {
+fn sample_cosine(anisotropy: f32, u: f32) -> f32 {
     let (g, u) = (anisotropy, 2.0 * u - 1.0);
     if g.abs() < EVEN {
         return u;
@@ -28,8 +28,18 @@ pub fn sample_cosine(anisotropy: f32, u: f32) -> f32 {
     ((1.0 + g * g - s * s) / (2.0 * g)).clamp(-1.0, 1.0)
 }
 
+/// The way after, drawn for a unit way before.
+pub fn sample_scattered(before: Vec3A, anisotropy: f32, [u, turn]: [f32; 2]) -> Vec3A {
+    let cos = sample_cosine(anisotropy, u);
+    let sin = (1.0 - cos * cos).max(0.0).sqrt();
+    let (y, x) = (TAU * turn).sin_cos();
+    Frame::from_normal(before)
+        .to_world(Vec3A::new(sin * x, sin * y, cos))
+        .normalize()
+}
+
 /// Density [1/sr] of a cosine.
-pub fn pdf_cosine(anisotropy: f32, cos: f32) -> f32 {
+fn pdf_cosine(anisotropy: f32, cos: f32) -> f32 {
     let g = anisotropy;
     let squared = (1.0 + g * g - 2.0 * g * cos).max(f32::MIN_POSITIVE);
     (1.0 - g * g) / (4.0 * PI * squared * squared.sqrt())
@@ -48,12 +58,28 @@ impl Phase {
 
     /// A direction towards the light.
     pub fn sample(&self, wo: Vec3A, u: [f32; 2]) -> Vec3A {
-        let cos = sample_cosine(self.anisotropy, u[0]);
-        let sin = (1.0 - cos * cos).max(0.0).sqrt();
-        let (y, x) = (TAU * u[1]).sin_cos();
-        let along = Frame::from_normal(-wo);
-        along
-            .to_world(Vec3A::new(sin * x, sin * y, cos))
-            .normalize()
+        sample_scattered(-wo, self.anisotropy, u)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::statistics::{DirectionTest, MAX_SCORE};
+
+    #[test]
+    fn directions_follow_their_density() {
+        let wo = Vec3A::new(0.6, 0.0, 0.8);
+        for anisotropy in [-0.5, 0.0, 5e-4, 0.3, 0.8] {
+            let phase = Phase {
+                weight: Vec3A::ONE,
+                anisotropy,
+            };
+            let score = DirectionTest::sphere(-wo).score(
+                |random| Some(phase.sample(wo, random.next_2d())),
+                |wi| phase.eval(wo, wi).pdf_solid_angle,
+            );
+            assert!(score < MAX_SCORE, "{anisotropy}: {score}");
+        }
     }
 }
