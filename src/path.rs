@@ -104,6 +104,14 @@ impl Bounces {
         }
     }
 
+    /// The same of a ray that looks for a light.
+    pub fn shadow_info(&self) -> RayInfo {
+        RayInfo {
+            kind: RayKind::Shadow,
+            ..self.ray_info()
+        }
+    }
+
     /// Number of the vertex that is lit by what the ray that follows finds; the camera's counts as
     /// the first surface.
     fn lit_vertex(&self) -> u32 {
@@ -433,30 +441,21 @@ impl<'a> Tracer<'a> {
         (surface, passed)
     }
 
-    /// Share of the light that a scattered ray lets through from outside the scene.
-    fn open_share(&self, ray: &Ray, bounces: &Bounces) -> Vec3A {
-        count_ray();
-        if self.see_through.is_empty() {
-            lit(!self.accel.occluded(self.frame, ray))
-        } else {
-            self.passed_share(ray, &bounces.ray_info(), Links::default())
-        }
-    }
-
     /// Share of the light that a ray lets through which looks for a light after the events
     /// `bounces`.
     fn lit_share(&self, ray: &Ray, bounces: &Bounces, links: Links) -> Vec3A {
+        let share = self.unblocked_share(ray, &bounces.shadow_info(), links);
+        share * self.transmittance(ray, share)
+    }
+
+    /// Share of the light that the surfaces on a ray let through.
+    pub fn unblocked_share(&self, ray: &Ray, info: &RayInfo, links: Links) -> Vec3A {
         count_ray();
-        let share = if self.see_through.is_empty() && links.blockers == 0 {
+        if self.see_through.is_empty() && links.blockers == 0 {
             lit(!self.accel.occluded(self.frame, ray))
         } else {
-            let info = RayInfo {
-                kind: RayKind::Shadow,
-                ..bounces.ray_info()
-            };
-            self.passed_share(ray, &info, links)
-        };
-        share * self.transmittance(ray, share)
+            self.passed_share(ray, info, links)
+        }
     }
 
     /// Share of the light that the media on a ray let through, if any light is left to lose.
@@ -491,25 +490,6 @@ impl<'a> Tracer<'a> {
             true => Vec3A::ZERO,
             false => share,
         }
-    }
-
-    /// Whether anything lies on a ray that looks for a light after the events `bounces`; what lets
-    /// a share of the light through does so by chance.
-    pub fn is_occluded(&self, ray: &Ray, bounces: &Bounces, sampler: &Sampler) -> bool {
-        count_ray();
-        if self.see_through.is_empty() {
-            return self.accel.occluded(self.frame, ray);
-        }
-        let info = RayInfo {
-            kind: RayKind::Shadow,
-            ..bounces.ray_info()
-        };
-        let mut passed = Passed::default();
-        let chance = Chance::new(info.kind, bounces, sampler);
-        let accept = |hit: &Hit| self.stops(hit, ray, &info, &chance, &mut passed);
-        let limit = self.settings.transparent_max_bounces;
-        self.accel.occluded_where(self.frame, ray, accept)
-            || passed.end_at(f32::INFINITY, limit).is_some()
     }
 
     /// Whether a ray meets what lies on it, or does not even see it.
@@ -635,7 +615,7 @@ impl<'a> Tracer<'a> {
         let is_plain = !self.lights.can_be_met() && self.media.is_empty();
         if last && !from.wants_distance && is_plain {
             // Only whether the ray leaves the scene matters now.
-            let share = self.open_share(ray, &from.bounces);
+            let share = self.unblocked_share(ray, &from.bounces.ray_info(), Links::default());
             let mut gathered = Gathered {
                 distance: f32::INFINITY,
                 ..Gathered::default()
@@ -808,12 +788,10 @@ impl<'a> Tracer<'a> {
         }
         let own = pdfs(&surface.bsdf, own);
         let radiance = share * self.lights.radiance(light);
+        let lit = values * radiance;
         LobeValues {
-            lambert: values.lambert * radiance * weight(light, own.lambert),
-            diffuse: values.diffuse * radiance * weight(light, own.own),
-            glossy: values.glossy * radiance * weight(light, own.own),
-            transmission: values.transmission * radiance * weight(light, own.own),
-            translucent: values.translucent * radiance * weight(light, own.own),
+            lambert: lit.lambert * weight(light, own.lambert),
+            ..lit * weight(light, own.own)
         }
     }
 

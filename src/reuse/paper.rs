@@ -40,11 +40,12 @@ use super::{Canvas, Estimator, Sharing, View, rows_or_none};
 use crate::contract::{Recheck, Settings};
 use crate::error::Result;
 use crate::film::Region;
-use crate::math::Ray;
 use crate::math::cone::overlap_fast;
+use crate::math::{Ray, luminance};
 use crate::path::{Bounces, Continuation};
 use crate::record::{RecordBuffer, Row, RowMut};
 use crate::sampling::{Bsdf, Sampler, Strategy};
+use crate::scene::Links;
 use crate::surface::Surface;
 
 /// Smallest cosine between the normals of pixels that share samples (section 4.1).
@@ -388,11 +389,11 @@ impl<'a> Receiver<'a> {
         }
     }
 
+    /// Whether nothing lies on a ray; what lets a share of the light through does so by chance.
     fn is_free(&self, ray: &Ray) -> bool {
-        !self
-            .view
-            .tracer
-            .is_occluded(ray, &Bounces::default(), self.sampler)
+        let (info, tracer) = (Bounces::default().shadow_info(), &self.view.tracer);
+        let share = tracer.unblocked_share(ray, &info, Links::default());
+        luminance(share) > self.sampler.transparency(0)
     }
 }
 
