@@ -46,13 +46,9 @@ pub struct Collision {
     pub anisotropy: f32,
 }
 
-fn each(v: Vec3A, f: impl Fn(f32) -> f32) -> Vec3A {
-    Vec3A::from_array(v.to_array().map(f))
-}
-
 /// Optical depth; nothing times an endless way is nothing.
 fn depth(extinction: Vec3A, length: f32) -> Vec3A {
-    each(extinction, |e| if e > 0.0 { e * length } else { 0.0 })
+    extinction.map(|e| if e > 0.0 { e * length } else { 0.0 })
 }
 
 impl Media {
@@ -119,7 +115,7 @@ impl Flight {
     pub fn transmittance(&self, t: f32) -> Vec3A {
         let spans = self.spans.iter().take_while(|span| span.start < t);
         let depths = spans.map(|s| depth(s.medium.extinction(), s.end.min(t) - s.start));
-        each(-depths.sum::<Vec3A>(), f32::exp)
+        (-depths.sum::<Vec3A>()).exp()
     }
 
     /// Light that the media give off up to this distance.
@@ -129,7 +125,7 @@ impl Flight {
             let (extinction, length) = (span.medium.extinction(), span.end.min(t) - span.start);
             let seen = Vec3A::select(
                 extinction.cmpgt(Vec3A::splat(1e-9)),
-                (1.0 - each(-depth(extinction, length), f32::exp)) / extinction,
+                (1.0 - (-depth(extinction, length)).exp()) / extinction,
                 Vec3A::splat(length),
             );
             self.transmittance(span.start) * span.medium.emission * seen
@@ -209,7 +205,7 @@ mod tests {
 
     #[test]
     fn media_on_top_of_each_other_add_up() {
-        let depth = -each(flight().transmittance(5.0), f32::ln);
+        let depth = -flight().transmittance(5.0).ln();
         let expected = Vec3A::new(0.6, 0.6, 0.0) + 1.5;
         assert!((depth - expected).abs().max_element() < 1e-5, "{depth}");
     }

@@ -389,39 +389,44 @@ fn flow(
     let projections = projections(arrays, "flow_camera_clip")?;
     let there = |placement, side: usize| camera.placed(placement, projections.get(side).copied());
     let vertices = arrays.f32s("flow_vertices").as_chunks::<6>().0;
-    let mut moved = vec![None; instances.len()];
-    let pairs = affines(arrays.f32s("flow_placements"));
-    let rows = arrays
-        .u32s("flow_instances")
-        .iter()
-        .zip(pairs.as_chunks::<2>().0);
-    for (row, (&instance, &placements)) in rows.enumerate() {
-        let field = "flow_instances";
-        let instance = index(field, row, instance.into(), instances.len(), "instances")? as usize;
-        let first = arrays.i32s("flow_first_vertex")[row];
-        let count = meshes[instances[instance].mesh as usize].vertices.len() as u32;
-        let first_vertex = match first {
-            -1 => None,
-            first => {
-                let field = "flow_first_vertex";
-                let first = index(field, row, first.into(), vertices.len(), "vertices")?;
-                Some(range(field, row, [first, count], vertices.len(), "vertices")?.start)
-            }
-        };
-        moved[instance] = Some(Moved {
-            placements,
-            first_vertex,
-        });
-    }
     let side = |first: usize| {
         let points = vertices.iter().map(|v| Vec3::from_slice(&v[first..]));
         points.collect::<Vec<Vec3>>()
     };
     Ok(Some(Flow {
         cameras: [there(before, 0), there(after, 1)],
-        moved,
+        moved: moved(arrays, instances, meshes, vertices.len())?,
         vertices: [side(0), side(3)],
     }))
+}
+
+/// For each instance where it is before and after the frame, if it moves.
+fn moved(
+    arrays: &Arrays,
+    instances: &[Instance],
+    meshes: &[Arc<Mesh>],
+    vertices: usize,
+) -> Result<Vec<Option<Moved>>> {
+    let mut moved = vec![None; instances.len()];
+    let pairs = affines(arrays.f32s("flow_placements"));
+    let movers = arrays.u32s("flow_instances").iter();
+    let firsts = arrays.i32s("flow_first_vertex");
+    let rows = movers.zip(pairs.as_chunks::<2>().0).zip(firsts);
+    for (row, ((&instance, &placements), &first)) in rows.enumerate() {
+        let field = "flow_instances";
+        let instance = index(field, row, instance.into(), instances.len(), "instances")? as usize;
+        let field = "flow_first_vertex";
+        let first_vertex = optional_index(field, row, first, vertices, "vertices")?;
+        if let Some(first) = first_vertex {
+            let count = meshes[instances[instance].mesh as usize].vertices.len() as u32;
+            range(field, row, [first, count], vertices, "vertices")?;
+        }
+        moved[instance] = Some(Moved {
+            placements,
+            first_vertex: first_vertex.map(|first| first as usize),
+        });
+    }
+    Ok(moved)
 }
 
 fn shutter(arrays: &Arrays) -> Result<Shutter> {

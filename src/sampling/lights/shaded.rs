@@ -4,16 +4,16 @@
 //! a disk at the viewer; texture coordinates are those of the whole sphere, of a spot those of the
 //! square around its cone, of an area lamp its own. A sun's points lie one metre from the origin.
 
-use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
 
-use glam::{Affine3A, Vec2, Vec3A, Vec4};
+use glam::{Affine3A, Vec2, Vec3A, Vec3Swizzles, Vec4};
 
 use super::mesh::glow_of;
 use super::tree::Extent;
 use super::{Emitter, LightHit, LightSample, Receiver};
 use crate::math::warp::sample_sphere;
 use crate::math::{MIDDLE_TIME, Ray, luminance};
+use crate::scene::world::uv_of_direction;
 use crate::scene::{Camera, Image, Light, LightKind, SceneFrame};
 use crate::shader::{Attributes, Point, Program, RayInfo};
 
@@ -170,7 +170,10 @@ impl Shaded {
                 let width = -2.0 * ray.z * (0.5 * cone_angle).tan();
                 Vec2::new(ray.x, ray.y) / width + 0.5
             }
-            LightKind::Point { .. } => sphere_uv(to_lamp(normal).normalize_or(Vec3A::Z)),
+            // The world's map, with +Y in the middle.
+            LightKind::Point { .. } => {
+                uv_of_direction(to_lamp(normal).normalize_or(Vec3A::Z).yxz())
+            }
             LightKind::Sun { angle } => {
                 let to_sun = to_lamp(seen.direction);
                 let width = 2.0 * (0.5 * angle).sin();
@@ -179,14 +182,6 @@ impl Shaded {
             }
         }
     }
-}
-
-/// Where a unit direction lies on a map of the sphere.
-fn sphere_uv(direction: Vec3A) -> Vec2 {
-    Vec2::new(
-        0.5 - direction.x.atan2(direction.y) / TAU,
-        1.0 - direction.z.clamp(-1.0, 1.0).acos() / PI,
-    )
 }
 
 impl Emitter for Shaded {

@@ -3,7 +3,7 @@
 use glam::Vec3A;
 
 use super::super::operation::Args;
-use super::{each, names};
+use super::names;
 use crate::math::luminance;
 
 /// Hue, saturation and value in 0 to 1.
@@ -221,7 +221,8 @@ pub fn gamma(a: &Args) -> Vec3A {
     if exponent == 0.0 {
         return Vec3A::ONE;
     }
-    each(a.vector(0), |x| if x > 0.0 { x.powf(exponent) } else { x })
+    a.vector(0)
+        .map(|x| if x > 0.0 { x.powf(exponent) } else { x })
 }
 
 pub fn invert(a: &Args) -> Vec3A {

@@ -3,7 +3,7 @@
 use glam::Vec3A;
 
 use super::super::operation::Args;
-use super::{divided, divided3, each, names, smootherstep, smoothstep};
+use super::{divided, divided3, names, smootherstep, smoothstep};
 use crate::math;
 
 pub fn luminance(a: &Args) -> Vec3A {
@@ -162,8 +162,8 @@ pub fn map_range(a: &Args) -> Vec3A {
     let factor = match a.mode(0) {
         0 => share,
         1 => super::each2(share, steps, stepped),
-        2 => each(share, smoothstep),
-        _ => each(share, smootherstep),
+        2 => share.map(smoothstep),
+        _ => share.map(smootherstep),
     };
     let result = to_min + factor * (to_max - to_min);
     if a.is_on(1) {

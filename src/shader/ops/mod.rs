@@ -29,10 +29,6 @@ fn divided3(a: Vec3A, b: Vec3A) -> Vec3A {
     each2(a, b, divided)
 }
 
-fn each(a: Vec3A, f: impl Fn(f32) -> f32) -> Vec3A {
-    Vec3A::from_array(a.to_array().map(f))
-}
-
 fn each2(a: Vec3A, b: Vec3A, f: impl Fn(f32, f32) -> f32) -> Vec3A {
     Vec3A::new(f(a.x, b.x), f(a.y, b.y), f(a.z, b.z))
 }

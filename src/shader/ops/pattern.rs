@@ -65,7 +65,7 @@ const FOLDS: [Fold; 10] = [
 
 pub fn magic(a: &Args) -> Vec3A {
     let (scale, distortion, depth) = (a.float(1), a.float(2), a.float(3));
-    let p = super::each(a.vector(0) * scale, |x| x % TAU);
+    let p = (a.vector(0) * scale).map(|x| x % TAU);
     let mut v = Vec3A::new(
         (5.0 * p.element_sum()).sin(),
         (5.0 * (-p.x + p.y - p.z)).cos(),

@@ -4,7 +4,7 @@ use glam::{EulerRot, Mat3A, Quat, Vec3, Vec3A};
 
 use super::super::operation::Args;
 use super::convert::{modulo, power, sign, wrap};
-use super::{divided, divided3, each, each2, names};
+use super::{divided, divided3, each2, names};
 
 type VectorFunction = fn(Vec3A, Vec3A, Vec3A, f32) -> Vec3A;
 
@@ -29,7 +29,7 @@ const VECTOR_MATH: [(&str, VectorFunction); 29] = [
     ("NORMALIZE", |a, _, _, _| a.normalize_or_zero()),
     ("ABSOLUTE", |a, _, _, _| a.abs()),
     ("POWER", |a, b, _, _| each2(a, b, power)),
-    ("SIGN", |a, _, _, _| each(a, sign)),
+    ("SIGN", |a, _, _, _| a.map(sign)),
     ("MINIMUM", |a, b, _, _| a.min(b)),
     ("MAXIMUM", |a, b, _, _| a.max(b)),
     ("FLOOR", |a, _, _, _| a.floor()),
@@ -38,9 +38,9 @@ const VECTOR_MATH: [(&str, VectorFunction); 29] = [
     ("MODULO", |a, b, _, _| each2(a, b, modulo)),
     ("WRAP", |a, b, c, _| Vec3A::new(wrap(a.x, b.x, c.x), wrap(a.y, b.y, c.y), wrap(a.z, b.z, c.z))),
     ("SNAP", |a, b, _, _| divided3(a, b).floor() * b),
-    ("SINE", |a, _, _, _| each(a, f32::sin)),
-    ("COSINE", |a, _, _, _| each(a, f32::cos)),
-    ("TANGENT", |a, _, _, _| each(a, f32::tan)),
+    ("SINE", |a, _, _, _| a.map(f32::sin)),
+    ("COSINE", |a, _, _, _| a.map(f32::cos)),
+    ("TANGENT", |a, _, _, _| a.map(f32::tan)),
 ];
 
 pub const VECTOR_MATH_NAMES: [&str; 29] = names(&VECTOR_MATH);
