@@ -44,12 +44,14 @@ impl Embree {
             return None;
         };
         let libraries = Path::new(UNPACKED).join("lib/x86_64-linux-gnu");
-        let mut child = Command::new(program)
+        let child = Command::new(&program)
             .env("LD_LIBRARY_PATH", libraries)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .spawn()
-            .ok()?;
+            .spawn();
+        // Linux keeps a program that runs; nobody else needs it.
+        let _ = std::fs::remove_file(&program);
+        let mut child = child.ok()?;
         let (input, output) = (child.stdin.take()?, child.stdout.take()?);
         let mut embree = Self {
             child,
