@@ -183,6 +183,9 @@ impl Flight {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Material;
+    use crate::testing::{Scene, cube};
+    use glam::Affine3A;
 
     fn medium(scattering: Vec3A, absorption: Vec3A) -> Medium {
         Medium {
@@ -210,6 +213,23 @@ mod tests {
         assert!((depth - expected).abs().max_element() < 1e-5, "{depth}");
     }
 
+    /// Through the diagonals of a cube's faces, which both of their triangles meet, and from within it.
+    #[test]
+    fn a_body_fills_what_its_surface_encloses() {
+        let mut scene = Scene::new();
+        let mut fog = Material::of(&[]);
+        fog.medium = Some(medium(Vec3A::splat(0.2), Vec3A::splat(0.3)));
+        scene.add(cube(), Affine3A::IDENTITY, fog);
+        let frame = scene.frame(1);
+        let (media, accel) = (Media::of(&frame), Accel::build(&frame, None));
+        for (start, way) in [(-5.0f32, 2.0f32), (0.25, 0.75)] {
+            let ray = Ray::new(start * Vec3A::Y, Vec3A::Y);
+            let flight = media.along(&frame, &accel, &ray);
+            let off = flight.transmittance(f32::INFINITY) - (-0.5 * way).exp();
+            assert!(off.abs().max_element() < 1e-5, "{start}: {off}");
+        }
+    }
+
     /// Collisions and what passes make up all of the light: the mean over many is that of the closed
     /// form; standard errors are below 0.5 %.
     #[test]
@@ -221,7 +241,10 @@ mod tests {
             let [u, channel] =
                 [0.754_877_67_f64, 0.569_840_3].map(|step| (f64::from(i) * step).fract() as f32);
             match flight.collide(2.5, channel, u) {
-                Some(collision) => scattered += collision.weight / COUNT as f32,
+                Some(collision) => {
+                    scattered += collision.weight / COUNT as f32;
+                    assert_eq!(flight.share(collision.t + 0.1), Vec3A::ZERO);
+                }
                 None => passed += flight.share(2.5) / COUNT as f32,
             }
         }

@@ -90,4 +90,14 @@ mod tests {
         let blue = sums(Vec3A::Z, 2.0 * Vec3A::Z, 0.0);
         assert_eq!(blue.shaded([0.0; 4], 0.25)[3], 0.5);
     }
+
+    #[test]
+    fn light_that_is_no_number_is_left_out() {
+        let mut half = sums(Vec3A::splat(0.2), Vec3A::splat(0.4), 0.0);
+        for (among_all, alone) in [(f32::NAN, 1.0), (1.0, f32::INFINITY)] {
+            let (among_all, alone) = (Vec3A::splat(among_all), Vec3A::splat(alone));
+            half.add(Some(Caught { among_all, alone }), Vec3A::ZERO);
+        }
+        assert_eq!(half.shaded([0.0; 4], 0.25)[3], 0.5);
+    }
 }

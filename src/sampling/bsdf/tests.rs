@@ -372,8 +372,8 @@ fn narrow_refraction_follows_its_pdf() {
     }
 }
 
-/// Five standard deviations, and 1.5 % for tables of 16 steps. From within it may stay dark, as in
-/// Cycles, but for views in which hardly any facet turns light back.
+/// Five standard deviations, and 1.5 % for tables of 16 steps. From within it stays a little dark, as
+/// in Cycles, the more so where facets turn light back.
 #[test]
 fn white_glass_in_a_white_furnace_is_invisible() {
     for roughness in ROUGHNESSES {
@@ -391,7 +391,11 @@ fn white_glass_in_a_white_furnace_is_invisible() {
                 for bsdf in [glass, principled_glass] {
                     let (mean, sigma) = furnace(&bsdf);
                     let noise = 0.015 + 5.0 * sigma;
-                    let least = if is_front || cos >= 0.7 { 1.0 } else { 0.5 };
+                    let least = match cos {
+                        _ if is_front => 1.0,
+                        cos if cos >= 0.4 => 0.96,
+                        _ => 0.83,
+                    };
                     assert!(
                         mean.x < 1.0 + noise && mean.x > least - noise,
                         "roughness {roughness}, cos {cos}, front {is_front}, ior {ior}: {mean}"

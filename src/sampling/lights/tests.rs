@@ -611,6 +611,28 @@ fn constant_falloff_undoes_the_distance() {
     }
 }
 
+/// Smooth falloff: by `d^2 / (smooth + d^2)`, and linear falloff by the distance.
+#[test]
+fn linear_falloff_is_smooth_near_the_lamp() {
+    let rows: &[crate::shader::Row] = &[("light_falloff", &[-2, -3], 1), ("emission", &[-1, 0], 0)];
+    let constants = [[1.0; 3], [0.5; 3], [2.0; 3]];
+    let frame = lamp_with(point_lamp(0.0, true), rows, &constants);
+    let lights = LightSampler::build(&frame, None);
+    let center = frame.lights[0].world_from_light.translation;
+    for distance in [0.5f32, 1.0, 7.0] {
+        let receiver = receiver_at(center - distance * Vec3A::Z, Vec3A::Z);
+        let drawn = numbers(&mut Random::new(3));
+        let [sample, _] = lights.sample(&receiver, Strategy::One, &drawn, || [0.5; 2]);
+        let found = sample.unwrap().radiance.unwrap();
+        let plain = frame.lights[0].power / (4.0 * PI * distance * distance);
+        let expected = plain * 0.5 * distance.powi(3) / (2.0 + distance * distance);
+        assert!(
+            (found / expected - 1.0).abs().max_element() < 1e-5,
+            "{found} {expected}"
+        );
+    }
+}
+
 #[test]
 fn rays_that_meet_a_lamp_with_nodes_see_what_samples_of_it_do() {
     let kinds = [
