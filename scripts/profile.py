@@ -44,7 +44,7 @@ PARTS = {
         "path/",
         "reuse/mod.rs",
         "reuse/plain.rs",
-        "dual_cone/sample.rs",
+        "reuse/dual_cone/sample.rs",
     ),
     "random numbers": ("sampling/sampler.rs",),
     "borrowing": ("reuse/",),
