@@ -226,6 +226,11 @@ impl Surface {
                 let weight = scaled(weight) * color.max(Vec3A::ZERO);
                 bsdf.add_sheen(weight, bent(normal), roughness);
             }
+            Closure::Toon(toon) => {
+                let weight = scaled(toon.weight) * toon.color.max(Vec3A::ZERO);
+                let normal = bent(toon.normal);
+                bsdf.add_toon(weight, normal, toon.size, toon.smooth, toon.is_glossy);
+            }
             Closure::Subsurface(ref s) => {
                 self.add_subsurface(below_node(s, scaled(s.weight), point), point);
             }
@@ -496,6 +501,7 @@ fn other_weights(frame: &SceneFrame, material: &Material, point: &Point) -> f32 
             Closure::Principled(p) => p.weight,
             Closure::Glossy(glossy) => glossy.weight,
             Closure::Subsurface(s) => s.weight,
+            Closure::Toon(toon) => toon.weight,
             Closure::Glass(glass) | Closure::Refraction(glass) => glass.weight,
             Closure::Diffuse { weight, .. }
             | Closure::Translucent { weight, .. }

@@ -35,6 +35,8 @@ pub enum Closure {
         roughness: f32,
         normal: Vec3A,
     },
+    /// Even light within a cone.
+    Toon(Toon),
     /// Light that leaves elsewhere than it enters.
     Subsurface(Subsurface),
     /// Light: radiance, weight included [W / (sr m^2)].
@@ -73,6 +75,18 @@ pub struct Glass {
     pub ior: f32,
     pub normal: Vec3A,
     pub is_multiscatter: bool,
+}
+
+/// Inputs of Blender's Toon BSDF.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "the fields are the inputs of Blender's node")]
+pub struct Toon {
+    pub weight: f32,
+    pub color: Vec3A,
+    pub size: f32,
+    pub smooth: f32,
+    pub normal: Vec3A,
+    pub is_glossy: bool,
 }
 
 /// Inputs of Blender's Subsurface Scattering.

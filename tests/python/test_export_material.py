@@ -278,11 +278,11 @@ def test_nodes_of_unknown_type_are_named_and_default() -> None:
 
 def test_an_unknown_shader_is_named_and_stands_in_as_diffuse() -> None:
     def build(tree: Any) -> Any:
-        return node(tree, "ShaderNodeBsdfToon", Color=(1, 0.5, 0.25, 1)).outputs[0]
+        return node(tree, "ShaderNodeBsdfHair", Color=(1, 0.5, 0.25, 1)).outputs[0]
 
     (closure,), warnings = closures_of(build)
     assert (closure.kind, closure["color"]) == ("Diffuse", [1.0, 0.5, 0.25])
-    assert warnings == ["'Wood': Toon BSDF is not rendered yet (a diffuse surface is shown)"]
+    assert warnings == ["'Wood': Hair BSDF is not rendered yet (a diffuse surface is shown)"]
 
 
 def test_distributions_beyond_are_named() -> None:

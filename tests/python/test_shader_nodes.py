@@ -277,6 +277,7 @@ def input_cases() -> list[Case]:
         Case("ShaderNodeLayerWeight", "Fresnel"),
         Case("ShaderNodeLayerWeight", "Facing", inputs={"Blend": 0.3}),
         Case("ShaderNodeFresnel", "Fac"),
+        Case("ShaderNodeWireframe", "Fac", inputs={"Size": 0.37}),
         Case("ShaderNodeUVMap", "UV", properties={"uv_map": "Second"}),
         Case("ShaderNodeAttribute", "Color", properties={"attribute_name": "Tint"}),
         Case("ShaderNodeAttribute", "Fac", properties={"attribute_name": "Height"}),

@@ -54,7 +54,9 @@ def _modes(source: Source, operation: Operation) -> list[str]:
     """What the node chooses of each of the operation's lists."""
     keeps_all = getattr(source.node, "distribution", "") == "MULTI_GGX"
     walk = getattr(source.node, "subsurface_method", getattr(source.node, "falloff", ""))
-    chosen = (str(keeps_all), "RANDOM_WALK_SKIN" if walk == "RANDOM_WALK_SKIN" else "RANDOM_WALK")
+    component = getattr(source.node, "component", "")  # of Toon
+    walk = "RANDOM_WALK_SKIN" if walk == "RANDOM_WALK_SKIN" else "RANDOM_WALK"
+    chosen = (str(keeps_all), walk, component)
     return [mode for modes in operation.modes for mode in chosen if mode in modes]
 
 
@@ -200,6 +202,7 @@ SHADERS: dict[str, Shader] = {
     "ShaderNodeBsdfPrincipled": principled,
     "ShaderNodeBsdfRefraction": closure("refraction"),
     "ShaderNodeBsdfSheen": closure("sheen"),
+    "ShaderNodeBsdfToon": closure("toon"),
     "ShaderNodeBsdfTranslucent": closure("translucent"),
     "ShaderNodeBsdfTransparent": closure("transparent"),
     "ShaderNodeEmission": emission,

@@ -266,6 +266,14 @@ def geometry(compiler: Compiler, source: Source) -> Operand:
     return Rule("geometry", (OUTPUT,))(compiler, source)
 
 
+def wireframe(compiler: Compiler, source: Source) -> Operand:
+    """The Wireframe node."""
+    if source.node.use_pixel_size:
+        compiler.missing("Pixel Size of Wireframe", "zero is used")
+        return ZERO
+    return compiler.emit("wireframe", compiler.input(source, "Size"))
+
+
 def object_info(compiler: Compiler, source: Source) -> Operand:
     """The Object Info node; the index of the material is known now."""
     if source.output.identifier == "Material Index":
@@ -340,4 +348,5 @@ NODES: dict[str, Callable[[Compiler, Source], Operand]] = {
     ),
     "ShaderNodeVertexColor": color_attribute,
     "ShaderNodeWavelength": Rule("wavelength"),
+    "ShaderNodeWireframe": wireframe,
 }

@@ -23,6 +23,7 @@ UNEVEN = (
     "object_info",
     "uv_tangent",
     "vector_transform",
+    "wireframe",
 )
 
 

@@ -5,6 +5,7 @@ use glam::Vec3A;
 use super::diffuse::{OrenNayar, Sheen, Translucent};
 use super::microfacet::{Interface, Reflection};
 use super::phase::Phase;
+use super::toon::Toon;
 use super::{Part, Scattered};
 use crate::math::Ggx;
 use crate::math::warp::sample_cosine_hemisphere;
@@ -18,6 +19,7 @@ pub enum Model {
     Sheen(Sheen),
     Translucent(Translucent),
     Phase(Phase),
+    Toon(Toon),
 }
 
 /// A closure, and what chooses it.
@@ -58,7 +60,11 @@ impl Lobe {
     }
 
     fn is_diffuse(&self) -> bool {
-        matches!(self.model, Model::OrenNayar(_) | Model::Sheen(_))
+        match &self.model {
+            Model::OrenNayar(_) | Model::Sheen(_) => true,
+            Model::Toon(toon) => !toon.is_glossy(),
+            _ => false,
+        }
     }
 
     /// Whether it has no mirror direction.
@@ -78,6 +84,7 @@ impl Lobe {
     /// Whether another closure scatters in the same way.
     pub fn is_like(&self, other: &Lobe) -> bool {
         std::mem::discriminant(&self.model) == std::mem::discriminant(&other.model)
+            && self.is_diffuse() == other.is_diffuse()
     }
 
     /// Takes up the energy of a closure that scatters in the same way, but keeps its own shape.
@@ -91,6 +98,7 @@ impl Lobe {
             (Model::Sheen(own), Model::Sheen(other)) => own.weight += other.weight,
             (Model::Translucent(own), Model::Translucent(other)) => own.weight += other.weight,
             (Model::Phase(own), Model::Phase(other)) => own.weight += other.weight,
+            (Model::Toon(own), Model::Toon(other)) => own.weight += other.weight,
             _ => {}
         }
     }
@@ -106,6 +114,7 @@ impl Lobe {
             Model::Sheen(s) => s.weight *= color,
             Model::Translucent(t) => t.weight *= color,
             Model::Phase(p) => p.weight *= color,
+            Model::Toon(t) => t.weight *= color,
         }
     }
 
@@ -140,6 +149,7 @@ impl Lobe {
             Model::Sheen(s) => s.eval(wi),
             Model::Translucent(t) => t.eval(wi),
             Model::Phase(p) => Some(p.eval(wo, wi)),
+            Model::Toon(t) => t.eval(wo, wi),
         }
     }
 
@@ -148,8 +158,10 @@ impl Lobe {
         let is_above = wi.z > 0.0;
         match (&self.model, is_above) {
             (Model::Phase(_), _) => Some(Part::Volume),
-            (Model::OrenNayar(_) | Model::Sheen(_), true) => Some(Part::Diffuse),
-            (Model::Reflection(_) | Model::Interface(_), true) => Some(Part::Glossy),
+            (_, true) if self.is_diffuse() => Some(Part::Diffuse),
+            (Model::Reflection(_) | Model::Interface(_) | Model::Toon(_), true) => {
+                Some(Part::Glossy)
+            }
             (Model::Translucent(_) | Model::Interface(_), false) => Some(Part::Transmission),
             _ => None,
         }
@@ -164,6 +176,7 @@ impl Lobe {
             Model::Sheen(s) => Some(s.sample(u)),
             Model::Translucent(_) => Some(Translucent::sample(u)),
             Model::Phase(p) => Some(p.sample(wo, u)),
+            Model::Toon(t) => Some(t.sample(wo, u)),
         }
     }
 }

@@ -24,6 +24,7 @@ mod lobe;
 mod microfacet;
 mod phase;
 mod principled;
+mod toon;
 
 use glam::{Quat, Vec3A};
 
@@ -37,6 +38,7 @@ use microfacet::{Glass, Interface, Reflection};
 use phase::Phase;
 pub use phase::sample_scattered;
 pub use principled::Principled;
+use toon::Toon;
 
 /// Closures that a surface may have beside its Lambert part: a Principled BSDF with all its layers.
 /// Further ones take the shape of the last one of their kind; each place costs time at every hit.
@@ -355,6 +357,21 @@ impl Bsdf {
         let (sheen, albedo) = Sheen::new(weight, roughness, wo);
         self.add(view, Model::Sheen(sheen), [albedo, Vec3A::ZERO]);
         albedo
+    }
+
+    /// Adds a Toon BSDF; the weight includes its colour. `size` and `smooth` are shares of a right
+    /// angle.
+    pub fn add_toon(
+        &mut self,
+        weight: Vec3A,
+        normal: Vec3A,
+        size: f32,
+        smooth: f32,
+        is_glossy: bool,
+    ) {
+        let view = self.view(normal, None);
+        let toon = Toon::new(weight, size, smooth, is_glossy);
+        self.add(view, Model::Toon(toon), [weight, Vec3A::ZERO]);
     }
 
     /// Adds a medium that scatters this share to all sides.

@@ -291,7 +291,7 @@ fn extreme_parameters_stay_finite() {
 }
 
 /// Every closure that is not Lambert alone, seen under a cosine from outside or inside.
-fn each_closure(cos: f32, roughness: f32, is_front: bool) -> [(&'static str, Bsdf); 8] {
+fn each_closure(cos: f32, roughness: f32, is_front: bool) -> [(&'static str, Bsdf); 10] {
     let grain = Vec3A::new(1.0, 0.4, 0.0);
     let made = |name, add: &dyn Fn(&mut Bsdf)| {
         let mut bsdf = Bsdf::new(UP, seen_under(cos).wo, is_front);
@@ -303,6 +303,10 @@ fn each_closure(cos: f32, roughness: f32, is_front: bool) -> [(&'static str, Bsd
         made("translucent", &|b| b.add_translucent(ONE, UP)),
         made("sheen", &|b| {
             b.add_sheen(ONE, UP, roughness);
+        }),
+        made("toon", &|b| b.add_toon(ONE, UP, roughness, 0.2, false)),
+        made("glossy toon", &|b| {
+            b.add_toon(ONE, UP, 0.5 * roughness, 0.2, true)
         }),
         made("grain", &|b| {
             b.add_glossy(ONE, ONE, UP, roughness, (0.5, grain), true);
@@ -421,6 +425,38 @@ fn rough_diffuse_and_translucent_keep_all_light() {
                     "{roughness} {cos}: {mean}"
                 );
             }
+        }
+    }
+}
+
+/// As wide as its size, and from there on falling with the angle; about the normal or the mirror.
+#[test]
+fn a_cartoons_light_is_even_and_fades_out() {
+    let at = |angle: f32| Vec3A::new(-angle.sin(), 0.0, angle.cos());
+    let wo = seen_under(0.8f32).wo;
+    let mirror = 0.8f32.acos();
+    for (is_glossy, axis) in [(false, 0.0), (true, mirror)] {
+        let mut bsdf = Bsdf::new(UP, wo, true);
+        bsdf.add_toon(0.5 * ONE, UP, 0.3, 0.2, is_glossy);
+        let right = std::f32::consts::FRAC_PI_2;
+        let full = 0.5 / (std::f32::consts::TAU * (1.0 - (0.5 * right).cos()));
+        for (turn, share) in [
+            (0.0, 1.0),
+            (0.29, 1.0),
+            (0.4, 0.5),
+            (0.45, 0.25),
+            (0.51, 0.0),
+        ] {
+            let (values, _) = bsdf.eval(at(axis + turn * right));
+            let value = if is_glossy {
+                values.glossy
+            } else {
+                values.diffuse
+            };
+            assert!(
+                (value.x / full - share).abs() < 1e-3,
+                "{is_glossy} {turn}: {value}"
+            );
         }
     }
 }

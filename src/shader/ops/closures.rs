@@ -3,7 +3,7 @@
 
 use glam::Vec3A;
 
-use super::super::closure::{Closure, Glass, Glossy, Principled, Subsurface, Volume};
+use super::super::closure::{Closure, Glass, Glossy, Principled, Subsurface, Toon, Volume};
 use super::super::operation::Args;
 
 fn vector(a: &Args, input: usize) -> Vec3A {
@@ -114,6 +114,17 @@ pub fn sheen(a: &Args) -> Closure {
         roughness: float(a, 2),
         normal: vector(a, 3),
     }
+}
+
+pub fn toon(a: &Args) -> Closure {
+    Closure::Toon(Toon {
+        weight: weight(a),
+        color: vector(a, 1),
+        size: float(a, 2),
+        smooth: float(a, 3),
+        normal: vector(a, 4),
+        is_glossy: a.is_on(0),
+    })
 }
 
 pub fn subsurface(a: &Args) -> Closure {

@@ -71,6 +71,20 @@ pub fn camera_data(a: &Args) -> Vec3A {
     }
 }
 
+/// One on the edges of triangles, which are as wide as the operand says [m]: a half on each side.
+pub fn wireframe(a: &Args) -> Vec3A {
+    let [e, f] = a.point.edges;
+    let b = a.point.barycentric;
+    let area = e.cross(f).length();
+    let weights = [1.0 - b.element_sum(), b.x, b.y];
+    let opposite = [f - e, f, e].map(Vec3A::length);
+    // A corner's weight is the distance from the edge that it is not on, over its height.
+    let half = 0.5 * a.float(0);
+    let is_near = |(weight, length): (&f32, f32)| weight.abs() * area < half * length;
+    let is_on_edge = weights.iter().zip(opposite).any(is_near);
+    Vec3A::splat(f32::from(is_on_edge))
+}
+
 type RayQuestion = fn(&RayInfo) -> f32;
 
 /// Outputs of the Light Path node that the ray answers.
