@@ -231,6 +231,7 @@ mod tests {
             is_holdout: false,
             is_catcher: false,
             membership: crate::scene::Membership::ALL,
+            links: crate::scene::Links::default(),
         }
     }
 

@@ -241,6 +241,13 @@ pub const FRAME: &[ArraySpec] = &[
         "The same for shadows: it stops the light of the lights of these sets.",
     ),
     array(
+        "instance_links",
+        U32,
+        &["I", "2"],
+        "set",
+        "As of lights, for the light that it gives off.",
+    ),
+    array(
         "material_programs",
         U32,
         &["M", "2"],

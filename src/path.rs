@@ -14,8 +14,8 @@ use crate::contract::Settings;
 use crate::math::Ray;
 use crate::media::{Flight, Media};
 use crate::sampling::{
-    Bsdf, LightHit, LightSample, LightSampler, LobePdfs, LobeValues, Part, Receiver, Sampler,
-    Strategy,
+    Bsdf, LightSample, LightSampler, LobePdfs, LobeValues, Part, Receiver, Sampler, Strategy,
+    alpha_of,
 };
 use crate::scene::{Links, Membership, SceneFrame};
 use crate::shader::{RayInfo, RayKind};
@@ -640,7 +640,7 @@ impl<'a> Tracer<'a> {
             self.add_environment(from, passed.share(distance), clamped, &mut gathered);
             return gathered;
         };
-        if surface.emission != Vec3A::ZERO {
+        if surface.emission != Vec3A::ZERO && self.is_lit_by_glow(from, &surface) {
             let (hit, strategy) = (&surface.hit, from.strategy);
             let pdf_light = self.lights.emissive_pdf(
                 &from.receiver(),
@@ -659,6 +659,12 @@ impl<'a> Tracer<'a> {
             gathered.indirect = reflected.sum() + below.map_or(Vec3A::ZERO, |below| below.sum());
         }
         gathered
+    }
+
+    /// Whether a glowing surface that a ray meets lights the thing that the ray comes from.
+    fn is_lit_by_glow(&self, from: &Continuation, glowing: &Surface) -> bool {
+        let instance = &self.frame.instances[glowing.hit.instance as usize];
+        is_linked(instance.links, from.membership)
     }
 
     /// What the settings take from a surface that a scattered ray meets, against noise: caustics,
@@ -715,7 +721,7 @@ impl<'a> Tracer<'a> {
         let lamps = self
             .lights
             .lamps_along(&ray, from.normal, from.strategy, kind, vertex)
-            .filter(|lamp| is_linked(lamp, from.membership));
+            .filter(|lamp| is_linked(lamp.links, from.membership));
         lamps
             .map(|lamp| {
                 let weight = balance(from.pdf_solid_angle, lamp.pdf_solid_angle);
@@ -847,10 +853,10 @@ fn weight(light: &LightSample, own_pdf: f32) -> f32 {
     weight / light.pdf_solid_angle
 }
 
-/// Whether a lamp that a ray from a thing of these sets runs into lights it. What other things than
-/// the ray's would stop its light is left to light samples, as in Cycles.
-fn is_linked(lamp: &LightHit, membership: Membership) -> bool {
-    membership.is_lit_by(lamp.links) && lamp.links.blockers == 0
+/// Whether a light of these links that a ray from a thing of these sets runs into lights it. What
+/// other things than the ray's would stop its light is left to light samples, as in Cycles.
+fn is_linked(links: Links, membership: Membership) -> bool {
+    membership.is_lit_by(links) && links.blockers == 0
 }
 
 /// How lights are sampled at a vertex of the path. The first one makes most of the noise.

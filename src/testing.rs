@@ -10,8 +10,8 @@ use crate::film::Region;
 use crate::progress::Progress;
 use crate::render::{Job, Rendered, render};
 use crate::scene::{
-    Camera, ForPasses, Image, Instance, Lens, Light, Lookup, Material, Membership, Mesh, Placement,
-    Projection, Reach, SceneFrame, Shutter, Visibility, World,
+    Camera, ForPasses, Image, Instance, Lens, Light, Links, Lookup, Material, Membership, Mesh,
+    Placement, Projection, Reach, SceneFrame, Shutter, Visibility, World,
 };
 use crate::shader::ObjectInfo;
 
@@ -59,6 +59,7 @@ impl Scene {
             is_holdout: false,
             is_catcher: false,
             membership: Membership::ALL,
+            links: Links::default(),
         });
         self.meshes.push(Arc::new(mesh));
         self.materials.push(material);

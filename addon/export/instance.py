@@ -83,6 +83,8 @@ class Seen:
     is_catcher: bool
     # Of the object and of what instances it, as light linking knows them.
     names: tuple[int, ...]
+    # The sets that its light reaches and that stop it.
+    links: tuple[int, int]
 
 
 def holds_smoke(owner: bpy.types.Object) -> bool:
@@ -198,6 +200,7 @@ class InstanceTable:
         meshes = np.array([shape.mesh for shape in self._placed], np.uint32)
         slots = np.array([shape.slots for shape in self._placed], np.uint32).reshape(-1, 2)
         mattes = np.frombuffer(self._matte_numbers, np.float32).reshape(-1, 2)
+        links = np.array([seen.links for seen in self._seen], np.uint32).reshape(-1, 2)
         catchers = np.array([seen.is_catcher for seen in self._seen], np.uint32)
         return {
             "instance_mattes": mattes[keep] if self.materials.mattes else mattes,
@@ -212,6 +215,7 @@ class InstanceTable:
             "instance_shadow_catcher": catchers[keep],
             "instance_receiver_sets": self._linked(self.lights.receivers)[keep],
             "instance_blocker_sets": self._linked(self.lights.blockers)[keep],
+            "instance_links": links[keep],
             "slot_materials": np.array(self._slot_materials, np.uint32),
         }
 
@@ -267,13 +271,10 @@ class InstanceTable:
             if parent.indirect_only_get(view_layer=layer):
                 visibility &= ~CAMERA
             is_holdout = owner.is_holdout or parent.holdout_get(view_layer=layer)
-            linking = owner.light_linking
-            if linking.receiver_collection or linking.blocker_collection:
-                # Things without light of their own may have links, too: they mean nothing.
-                self.warnings.not_rendered(owner.name, "Light linking of a glowing object")
             names = (name_of(owner), name_of(parent))
             is_catcher = owner.is_shadow_catcher or parent.is_shadow_catcher
-            self._seen_by[key] = Seen(visibility, is_holdout, is_catcher, names)
+            links = self.lights.links(owner)
+            self._seen_by[key] = Seen(visibility, is_holdout, is_catcher, names, links)
         return self._seen_by[key]
 
     def _key(self, item: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> int:

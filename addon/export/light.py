@@ -87,12 +87,12 @@ class LightTable:
             kind in (Kind.POINT, Kind.SPOT) and data.use_soft_falloff,
             light_visibility(owner, data),
             data.cycles.max_bounces,
-            self._links(owner),
+            self.links(owner),
         )
         self.lights.append(light)
 
-    def _links(self, owner: bpy.types.Object) -> tuple[int, int]:
-        """Numbers of the sets that the lamp lights and that stop its light."""
+    def links(self, owner: bpy.types.Object) -> tuple[int, int]:
+        """Numbers of the sets that a lamp or glowing thing lights and that stop its light."""
         linking = owner.light_linking
         receivers = self.receivers.number(linking.receiver_collection)
         blockers = self.blockers.number(linking.blocker_collection)

@@ -39,6 +39,8 @@ pub struct Instance {
     pub is_catcher: bool,
     /// The sets of things that lights are linked to.
     pub membership: Membership,
+    /// The things that its light lights, and those that stop it.
+    pub links: Links,
 }
 
 impl Instance {
@@ -319,6 +321,7 @@ fn instances(arrays: &Arrays, meshes: usize, materials: usize) -> Result<Vec<Ins
                     receivers: arrays.u64s("instance_receiver_sets")[row],
                     blockers: arrays.u64s("instance_blocker_sets")[row],
                 },
+                links: links(arrays, "instance_links", row)?,
             })
         })
         .collect()
@@ -492,7 +495,7 @@ fn light(arrays: &Arrays, row: usize, materials: usize) -> Result<Light> {
         reach: Reach {
             visibility: Visibility::from_bits(arrays.u32s("light_visibility")[row]),
             max_bounces: arrays.u32s("light_max_bounces")[row],
-            links: links(arrays, row)?,
+            links: links(arrays, "light_links", row)?,
         },
     })
 }
@@ -529,12 +532,10 @@ fn light_kind(arrays: &Arrays, row: usize) -> Result<LightKind> {
     })
 }
 
-fn links(arrays: &Arrays, row: usize) -> Result<Links> {
-    let set = |number: u32| {
-        let field = "light_links";
-        index(field, row, i64::from(number), 64, "sets").map(|number| number as u8)
-    };
-    let [receivers, blockers] = arrays.u32s("light_links").as_chunks::<2>().0[row];
+fn links(arrays: &Arrays, field: &'static str, row: usize) -> Result<Links> {
+    let set =
+        |number: u32| index(field, row, i64::from(number), 64, "sets").map(|number| number as u8);
+    let [receivers, blockers] = arrays.u32s(field).as_chunks::<2>().0[row];
     Ok(Links {
         receivers: set(receivers)?,
         blockers: set(blockers)?,

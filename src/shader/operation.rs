@@ -187,6 +187,7 @@ pub static OPERATIONS: &[Operation] = &[
     here("image_alpha", &["Vector"], Parameter::Image, texture::image_alpha),
     here("image_box_color", &["Vector", "projection_blend"], Parameter::Image, texture::image_box_color),
     here("image_box_alpha", &["Vector", "projection_blend"], Parameter::Image, texture::image_box_alpha),
+    here("ies", &["Vector"], Parameter::Image, texture::ies),
     pure("sphere_uv", &["Vector"], None, texture::sphere_uv),
     pure("tube_uv", &["Vector"], None, texture::tube_uv),
     pure("noise", &["Vector", "W", "Scale", "Detail", "Roughness", "Lacunarity", "Offset", "Gain", "Distortion"], Modes(&[DIMENSIONS, &["MULTIFRACTAL", "RIDGED_MULTIFRACTAL", "HYBRID_MULTIFRACTAL", "FBM", "HETERO_TERRAIN"], OFF_ON, &["Fac", "Color"]]), noise::noise),

@@ -90,12 +90,50 @@ def gobo(stage: Stage) -> None:
     tree.links.new(emission.outputs[0], output(tree).inputs[0])
 
 
+def ies_lamp(stage: Stage, kind: int, around: list[float], polar: list[float]) -> None:
+    """A lamp that shines as an IES file of this photometric type and these angles says."""
+    lamp(stage, "POINT", shadow_soft_size=0.05, energy=10.0)
+    strengths = [
+        f"{700.0 + 500.0 * sin(3.0 * p * pi / 180.0) + 150.0 * sin(2.0 * a * pi / 180.0):.1f}"
+        for a in around
+        for p in polar
+    ]
+    lines = [
+        "IESNA:LM-63-2002",
+        "TILT=NONE",
+        f"1 1000 1.5 {len(polar)} {len(around)} {kind} 2 0 0 0",
+        "1.0 1.0 50",
+        *(" ".join(map(str, angles)) for angles in (polar, around, strengths)),
+    ]
+    file: Any = bpy.data.texts.new("Lamp.ies")
+    file.write("\n".join(lines) + "\n")
+    tree = node_tree(stage.lamp.data)
+    texture = add_node(tree, "ShaderNodeTexIES", mode="INTERNAL", ies=file, Strength=1.0)
+    emission = add_node(tree, "ShaderNodeEmission", Strength=texture.outputs[0])
+    tree.links.new(emission.outputs[0], output(tree).inputs[0])
+
+
+def linked_glow(stage: Stage, kind: str, state: str = "INCLUDE") -> None:
+    """A glowing disk that lights, or is shadowed by, the ball alone or all but the ball."""
+    lamp(stage, "POINT", energy=0.0)
+    bpy.ops.mesh.primitive_circle_add(radius=0.4, fill_type="NGON", location=(2.0, -2.0, 3.5))
+    disk: Any = bpy.context.object
+    disk.rotation_euler = stage.lamp.rotation_euler
+    material = bpy.data.materials.new("Glow")
+    give(disk, shade(material, "ShaderNodeEmission", Strength=60.0))
+    link_ball(stage, disk, kind, state)
+
+
 def linked_lamp(stage: Stage, kind: str, state: str = "INCLUDE") -> None:
     """A lamp that lights, or is shadowed by, the ball alone or all but the ball."""
     lamp(stage, "AREA", size=0.5)
+    link_ball(stage, stage.lamp, kind, state)
+
+
+def link_ball(stage: Stage, light: Any, kind: str, state: str) -> None:
     collection = bpy.data.collections.new("Linked")
     collection.objects.link(stage.ball)
-    setattr(stage.lamp.light_linking, f"{kind}_collection", collection)
+    setattr(light.light_linking, f"{kind}_collection", collection)
     collection.collection_objects[0].light_linking.link_state = state
 
 
@@ -188,9 +226,16 @@ ROWS = table(
     ("node: ball, normal", patterned_lamp, {"kind": "POINT", "coordinate": "Normal", "scale": 8.0, "shadow_soft_size": 0.5, "use_soft_falloff": False}),
     ("node: area, UV", patterned_lamp, {"kind": "AREA", "coordinate": "UV", "scale": 2.0, "size": 3.0}),
     ("node: area, generated", patterned_lamp, {"kind": "AREA", "coordinate": "Generated", "scale": 1.5, "size": 3.0}),
+    ("node: IES, type C, a quadrant", ies_lamp, {"kind": 1, "around": [0.0, 30.0, 60.0, 90.0], "polar": [0.0, 20.0, 45.0, 70.0, 90.0]}),
+    ("node: IES, type C, one plane", ies_lamp, {"kind": 1, "around": [0.0], "polar": [0.0, 30.0, 60.0, 90.0, 120.0, 150.0, 180.0]}),
+    ("node: IES, type B", ies_lamp, {"kind": 2, "around": [0.0, 30.0, 60.0, 90.0], "polar": [-90.0, -45.0, 0.0, 45.0, 90.0]}),
+    ("node: IES, type A", ies_lamp, {"kind": 3, "around": [-90.0, -30.0, 30.0, 90.0], "polar": [-90.0, -45.0, 0.0, 45.0, 90.0]}),
     ("linking: lights the ball alone", linked_lamp, {"kind": "receiver"}),
     ("linking: lights all but the ball", linked_lamp, {"kind": "receiver", "state": "EXCLUDE"}),
     ("linking: shadow of all but the ball", linked_lamp, {"kind": "blocker", "state": "EXCLUDE"}),
+    ("linking: glow lights the ball alone", linked_glow, {"kind": "receiver"}),
+    ("linking: glow lights all but the ball", linked_glow, {"kind": "receiver", "state": "EXCLUDE"}),
+    ("linking: shadow of a glow by all but the ball", linked_glow, {"kind": "blocker", "state": "EXCLUDE"}),
     ("100 lamps", many_lamps, {"count": 100, "radius": 0.05}),
     ("1024 lamps", many_lamps, {"count": 1024, "radius": 0.0}),
     ("glowing ball", glowing_ball, {"strength": 5.0}),

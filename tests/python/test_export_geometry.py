@@ -613,6 +613,20 @@ def test_shadow_catchers_are_handed_over() -> None:
     assert sorted(frame.arrays["instance_shadow_catcher"]) == [0, 1]
 
 
+def test_things_that_glow_have_links_of_their_own() -> None:
+    add_mesh("Thing")
+    ghost = add_mesh("Ghost")
+    collection = bpy.data.collections.new("Linked")
+    collection.objects.link(bpy.data.objects["Thing"])
+    ghost.light_linking.receiver_collection = collection
+    arrays = export_now().arrays
+    assert sorted(arrays["instance_links"].tolist()) == [[0, 0], [1, 0]]
+    # The ghost, whose links they are, is not in the set; all things are in set 0.
+    glows = arrays["instance_links"][:, 0] == 1
+    assert arrays["instance_receiver_sets"][glows].tolist() == [1]
+    assert arrays["instance_receiver_sets"][~glows].tolist() == [3]
+
+
 def test_rays_that_meet_an_object_are_those_that_see_it_and_what_instances_it() -> None:
     ghost = add_mesh("Ghost")
     ghost.visible_shadow = False

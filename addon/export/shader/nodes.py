@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
+from ..ies import EVEN, file_text, intensity_grid
 from ..image import ImageUse, Timing
 from ..nodes import Source
 from .compiler import ONE, ZERO, Compiler
@@ -115,6 +116,25 @@ def image(compiler: Compiler, source: Source) -> Operand:
     if node.projection in ("SPHERE", "TUBE"):
         vector = compiler.emit(f"{node.projection.lower()}_uv", vector)
     return compiler.emit(f"image_{what}", vector, parameter=row)
+
+
+def ies(compiler: Compiler, source: Source) -> Operand:
+    """The IES Texture node; as in Cycles a lamp shines evenly where the file cannot be read."""
+    strength = compiler.input(source, "Strength")
+    try:
+        grid = intensity_grid(file_text(source.node))
+    except (OSError, ValueError) as problem:
+        compiler.warn(f"the IES file of a texture cannot be read ({problem}), its light is even")
+        return compiler.times((EVEN, EVEN, EVEN), strength)
+    vector = source.input("Vector")
+    if vector is not None and isinstance(vector.follow(), Source):
+        direction = compiler.input(source, "Vector")
+    else:
+        away = compiler.emit_with_modes(source, "geometry", (), ("Incoming",))
+        modes = ("NORMAL", "WORLD", "OBJECT")
+        direction = compiler.emit_with_modes(source, "vector_transform", (away,), modes)
+    found = compiler.emit("ies", direction, parameter=compiler.program.pixels(grid))
+    return compiler.times(found, strength)
 
 
 def texture_coordinate(compiler: Compiler, source: Source) -> Operand:
@@ -327,6 +347,7 @@ NODES: dict[str, Callable[[Compiler, Source], Operand]] = {
     "ShaderNodeTexChecker": Rule("checker", (OUTPUT,)),
     "ShaderNodeTexCoord": texture_coordinate,
     "ShaderNodeTexGradient": Rule("gradient", ("gradient_type",)),
+    "ShaderNodeTexIES": ies,
     "ShaderNodeTexImage": image,
     "ShaderNodeTexMagic": Rule("magic", (OUTPUT,)),
     "ShaderNodeTexNoise": Rule("noise", ("noise_dimensions", "noise_type", "normalize", OUTPUT)),

@@ -95,8 +95,8 @@ class Program:
     # Where it begins: what is written before is not run.
     start: int = 0
     tables: list[bytes] = field(default_factory=list)
-    # Of the original images, which outlive the evaluated ones.
-    images: list[ImageUse] = field(default_factory=list)
+    # Of the original images, which outlive the evaluated ones; pixels that are none of Blender's.
+    images: list[ImageUse | np.ndarray] = field(default_factory=list)
     # What the program reads from meshes, by the names in `layers.py`.
     layers: set[str] = field(default_factory=set)
     warnings: Warnings = field(default_factory=Warnings)
@@ -104,7 +104,8 @@ class Program:
     @property
     def is_lasting(self) -> bool:
         """Whether it stays the same until Blender evaluates the material anew."""
-        return all(use.image.source not in ("SEQUENCE", "MOVIE") for use in self.images)
+        uses = (use for use in self.images if not isinstance(use, np.ndarray))
+        return all(use.image.source not in ("SEQUENCE", "MOVIE") for use in uses)
 
     def table(self, rows: np.ndarray) -> int:
         """Number of a table of (TABLE_SIZE, 4) numbers."""
@@ -114,6 +115,11 @@ class Program:
     def image(self, use: ImageUse) -> int:
         """Number of an image."""
         self.images.append(replace(use, image=use.image.original))
+        return len(self.images) - 1
+
+    def pixels(self, pixels: np.ndarray) -> int:
+        """Number of an image (H, W, 4) that is none of Blender's."""
+        self.images.append(pixels)
         return len(self.images) - 1
 
 
@@ -135,10 +141,7 @@ class Programs:
         """Append a program, with the frame's numbers for its tables and images."""
         numbers = {
             "table": [self._table(content) for content in program.tables],
-            "image": [
-                images.index(replace(use, image=use.image.evaluated_get(depsgraph)))
-                for use in program.images
-            ],
+            "image": [_image_row(use, images, depsgraph) for use in program.images],
         }
         self.spans.append((self.count() + program.start, len(program.instructions) - program.start))
         for each in program.instructions:
@@ -169,6 +172,14 @@ class Programs:
             return operand.index
         finite = tuple(x if abs(x) <= FLOAT_MAX else 0.0 for x in operand)
         return FIRST_CONSTANT + self._constants.setdefault(finite, len(self._constants))
+
+
+def _image_row(
+    use: ImageUse | np.ndarray, images: ImageTable, depsgraph: bpy.types.Depsgraph
+) -> int:
+    if isinstance(use, np.ndarray):
+        return images.index_of_pixels(use)
+    return images.index(replace(use, image=use.image.evaluated_get(depsgraph)))
 
 
 FLOAT_MAX = float(np.finfo(np.float32).max)

@@ -17,6 +17,7 @@ UNEVEN = (
     "coordinate",
     "fresnel",
     "geometry",
+    "ies",
     "image",
     "layer_weight",
     "light",

@@ -476,9 +476,10 @@ fn lamp(light: &Light) -> Option<Box<dyn Emitter>> {
 /// The rays that a glowing surface lights: those that see it. It is a light like any other, whether
 /// or not it stops that of others.
 fn reach_of_surface(frame: &SceneFrame, instance: u32) -> Reach {
-    let visibility = frame.instances[instance as usize].visibility;
+    let instance = &frame.instances[instance as usize];
     Reach {
-        visibility: visibility.with(RayKind::Shadow),
+        visibility: instance.visibility.with(RayKind::Shadow),
+        links: instance.links,
         ..Reach::ALL
     }
 }

@@ -7,7 +7,7 @@ use crate::contract::{Given, Numbers};
 use crate::math::MIDDLE_TIME;
 use crate::math::statistics::{DirectionTest, MAX_SCORE, Random, chi_square_score};
 use crate::scene::{
-    ForPasses, Instance, Material, Membership, Mesh, Placement, Shutter, Visibility,
+    ForPasses, Instance, Links, Material, Membership, Mesh, Placement, Shutter, Visibility,
 };
 use crate::shader::{Draft, ObjectInfo};
 
@@ -122,6 +122,7 @@ fn glowing_square() -> SceneFrame {
         is_holdout: false,
         is_catcher: false,
         membership: Membership::ALL,
+        links: Links::default(),
     };
     let mut frame = frame_of(vec![], plain_world(0.0));
     frame.meshes = vec![Arc::new(mesh.unwrap())];

@@ -124,6 +124,18 @@ fn box_weights(normal: Vec3A, blend: f32) -> Vec3A {
     ((2.0 - limit) * n + limit - 1.0) / (2.0 * limit - 1.0)
 }
 
+/// What a lamp sends in a direction that points away from it. The image has the polar angle from -Z
+/// along its height, from pole to pole, and the angle about Z along its width.
+pub fn ies(a: &Args) -> Vec3A {
+    let v = a.vector(0).normalize_or_zero();
+    let polar = (-v.z).clamp(-1.0, 1.0).acos() / PI;
+    let around = v.x.atan2(v.y) / TAU + 0.5;
+    // The first and the last row are the poles.
+    let rows = a.images[a.parameter as usize].size().1 as f32;
+    let across = (polar * (rows - 1.0) + 0.5) / rows;
+    Vec3A::splat(image(a, Vec2::new(around, across)).x)
+}
+
 /// Longitude and latitude of a direction, from a coordinate in 0 to 1.
 pub fn sphere_uv(a: &Args) -> Vec3A {
     let p = centred(a);
