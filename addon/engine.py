@@ -339,8 +339,6 @@ def unsupported(scene: bpy.types.Scene) -> Iterator[str]:
     """Name the render settings that DualCone does not follow."""
     if scene.render.use_multiview:
         yield "Stereoscopy is not rendered yet: every view shows the same picture"
-    if scene.render.film_transparent and scene.cycles.film_transparent_glass:
-        yield "Transparent Glass is not rendered yet: glass shows the world behind it"
     problem = denoise.problem() if scene.dualcone.denoise else None
     if problem is not None:
         yield f"The picture is not denoised: {problem}"

@@ -41,6 +41,7 @@ BLENDER_SWITCH = {
 CYCLES_SWITCH = {
     "Volume Direct": "use_pass_volume_direct",
     "Volume Indirect": "use_pass_volume_indirect",
+    "Shadow Catcher": "use_pass_shadow_catcher",
 }
 # Blender's switches for rows of the contract of which there are several passes.
 CRYPTOMATTE = {
@@ -49,10 +50,7 @@ CRYPTOMATTE = {
     "CryptoAsset": "use_pass_cryptomatte_asset",
 }
 # Switches of Cycles for passes that are not rendered yet.
-MISSING = {
-    "use_pass_shadow_catcher": "Shadow Catcher",
-    "denoising_store_passes": "Denoising Data",
-}
+MISSING = {"denoising_store_passes": "Denoising Data"}
 # What Blender called passes before version 5, where that was another name: files and the sockets of
 # its compositor go by these.
 NAMES_BEFORE_5 = {
@@ -84,7 +82,7 @@ LIGHT = frozenset((*chain(*SCATTERED_LIGHT.values()), *OTHER_LIGHT))
 DIVIDING_METHODS = ("DUAL_CONE", "PATH")
 DIVIDED = (
     *(f"{part} {way}" for part in PARTS for way in ("Direct", "Indirect")),
-    *CYCLES_SWITCH,
+    *("Volume Direct", "Volume Indirect"),
 )
 # What the denoiser reads.
 GUIDES = ("Albedo", "Normal")

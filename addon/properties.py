@@ -8,8 +8,17 @@ import bpy
 
 from . import core, passes
 
-# Settings of the renderer that Blender keeps itself.
-BLENDER_OWN = {"film_transparent": lambda scene: bool(scene.render.film_transparent)}
+# Settings of the renderer that Blender or Cycles keep themselves.
+BLENDER_OWN = {
+    "film_transparent": lambda scene: bool(scene.render.film_transparent),
+    "film_transparent_glass": lambda scene: bool(_cycles(scene, "film_transparent_glass", False)),
+    "film_transparent_roughness": lambda scene: _cycles(scene, "film_transparent_roughness", 0.1),
+}
+
+
+def _cycles(scene: bpy.types.Scene, name: str, default: Any) -> Any:
+    """Return a setting of Cycles, whose add-on may be off."""
+    return getattr(getattr(scene, "cycles", None), name, default)
 
 
 def _property(spec: dict[str, Any]) -> object:

@@ -205,6 +205,11 @@ class DUALCONE_PT_film(RenderPanel, bpy.types.Panel):
         if hasattr(scene, "cycles"):
             layout.prop(scene.cycles, "film_exposure", text="Exposure")
         layout.prop(scene.render, "film_transparent", text="Transparent")
+        if hasattr(scene, "cycles"):
+            glass = layout.column()
+            glass.active = scene.render.film_transparent
+            glass.prop(scene.cycles, "film_transparent_glass", text="Transparent Glass")
+            glass.prop(scene.cycles, "film_transparent_roughness", text="Roughness Threshold")
         layout.prop(settings, "filter")
         width = layout.column()
         width.active = settings.filter != "BOX"

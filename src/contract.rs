@@ -549,6 +549,13 @@ pub const FRAME: &[ArraySpec] = &[
         "Distance at which the world's mist begins, how far from there it hides everything, and the power of the share of the way.",
     ),
     array(
+        "alpha_threshold",
+        F32,
+        &[],
+        "share",
+        "Passes of what is seen show the nearest surface of at least this opacity.",
+    ),
+    array(
         "ambient_distance",
         F32,
         &[],
@@ -707,6 +714,7 @@ pub const PASSES: &[PassSpec] = &[
     pass("Volume Direct", "RGB", "COLOR", Mean, "Light that comes straight from its source and is scattered by media."),
     pass("Volume Indirect", "RGB", "COLOR", Mean, "The same of light that comes by way of other places."),
     pass("Ambient Occlusion", "RGB", "COLOR", Mean, "Share of directions above the surface in which nothing is near, weighted by their cosine."),
+    pass("Shadow Catcher", "RGB", "COLOR", Always, "Share of its light that things leave to shadow catchers; 1 where there are none."),
     pass("CryptoObject", "rgba", "COLOR", Ranked, "Cryptomatte: names of two objects and the shares of the pixel that they cover; `CryptoObject.00` has the two that cover most."),
     pass("CryptoMaterial", "rgba", "COLOR", Ranked, "The same of materials."),
     pass("CryptoAsset", "rgba", "COLOR", Ranked, "The same of assets: objects with all their children."),
@@ -861,6 +869,10 @@ settings! {
     filter_width: f32 = Kind::Float(1.5, 0.01, 10.0), "Width";
     /// The world is not seen by the camera.
     film_transparent: bool = Kind::Bool(false), "Transparent";
+    /// Where the film is transparent, clear glass is, too.
+    film_transparent_glass: bool = Kind::Bool(false), "Transparent Glass";
+    /// Roughness up to which glass counts as clear.
+    film_transparent_roughness: f32 = Kind::Float(0.1, 0.0, 1.0), "Roughness Threshold";
 }
 
 /// A value handed over for a setting.

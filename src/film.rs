@@ -363,10 +363,19 @@ impl Film {
             "Depth" => self.pixels.iter().map(|p| p.depth).collect(),
             "Normal" => each(|p, mean| Vec3A::from(p.normal) * mean),
             "Albedo" => each(|p, mean| Vec3A::from(p.albedo) * mean),
+            "Shadow Catcher" => self.light_left_to_catchers(),
             "Sample Count" => vec![self.samples as f32; self.pixels.len()],
             "Effective Samples" => self.pixels.iter().map(|p| p.effective_samples).collect(),
             _ => extra::resolve(&self.layout, &self.numbers, pass, self.samples),
         }
+    }
+
+    fn light_left_to_catchers(&self) -> Vec<f32> {
+        if self.catchers.is_empty() {
+            return vec![1.0; 3 * self.pixels.len()];
+        }
+        let left = self.catchers.iter().map(CatcherSums::left);
+        left.flat_map(|left| left.to_array()).collect()
     }
 
     /// The picture so far, red, green, blue and alpha of each pixel from the lower left.

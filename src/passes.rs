@@ -21,10 +21,37 @@ pub struct Seen<'a> {
     pub region: Region,
     /// The surface; none where the background shows, or a hole.
     pub surface: Option<&'a Surface>,
+    /// The surface that passes of data show: see [`Shown`].
+    pub shown: &'a Shown<'a>,
     /// The ray; none outside of a fisheye's picture.
     pub ray: Option<&'a Ray>,
     /// Share of its light that what lies in front lets pass, over the probability of seeing it.
     pub share: f32,
+}
+
+/// The surface that passes of what is seen show. As in Cycles they look through surfaces of less than
+/// the view layer's opacity; what is left of them, if nothing denser follows, counts for passes of
+/// one sample and not for means.
+#[derive(Default)]
+pub struct Shown<'a> {
+    /// A surface that the camera ray passed, and that is shown in the place of its end.
+    pub passed: Option<Box<Surface>>,
+    /// The surface at the ray's end.
+    pub end: Option<&'a Surface>,
+    /// Whether it has the opacity.
+    pub is_dense: bool,
+}
+
+impl Shown<'_> {
+    /// The surface.
+    pub fn surface(&self) -> Option<&Surface> {
+        self.passed.as_deref().or(self.end)
+    }
+
+    /// The surface, if it has the opacity.
+    pub fn dense(&self) -> Option<&Surface> {
+        self.surface().filter(|_| self.is_dense)
+    }
 }
 
 /// What a pass shows of it; nothing where there is nothing to add.
@@ -81,7 +108,7 @@ const OUTPUT_VALUE: Row = Row::of("AOV Value");
 /// Adds what the nodes of the surface send to passes of the user's own.
 pub fn add_outputs(extra: &mut Extra, iteration: u32, seen: &Seen) {
     let layout = extra.layout;
-    let (Some(surface), Some(ray)) = (seen.surface, seen.ray) else {
+    let (Some(surface), Some(ray)) = (seen.shown.surface(), seen.ray) else {
         return;
     };
     if !layout.keeps(OUTPUT_COLOR) && !layout.keeps(OUTPUT_VALUE) {
@@ -172,12 +199,12 @@ fn mist(seen: &Seen) -> Option<[f32; 4]> {
 }
 
 fn position(seen: &Seen) -> Option<[f32; 4]> {
-    let [x, y, z] = seen.surface?.position.to_array();
+    let [x, y, z] = seen.shown.surface()?.position.to_array();
     Some([x, y, z, 0.0])
 }
 
 fn uv(seen: &Seen) -> Option<[f32; 4]> {
-    let hit = &seen.surface?.hit;
+    let hit = &seen.shown.dense()?.hit;
     let corners = &seen.frame.mesh_of(hit.instance).faces[hit.triangle as usize].uvs;
     // A mesh without a map has zeros at all corners.
     if *corners == [Vec2::ZERO; 3] {
@@ -188,12 +215,12 @@ fn uv(seen: &Seen) -> Option<[f32; 4]> {
 }
 
 fn object_index(seen: &Seen) -> Option<[f32; 4]> {
-    let instance = seen.surface?.hit.instance as usize;
+    let instance = seen.shown.surface()?.hit.instance as usize;
     Some([seen.frame.instances[instance].info.index, 0.0, 0.0, 0.0])
 }
 
 fn material_index(seen: &Seen) -> Option<[f32; 4]> {
-    let hit = &seen.surface?.hit;
+    let hit = &seen.shown.surface()?.hit;
     let material = seen.frame.material_of(hit.instance, hit.triangle)?;
     Some([material.pass_index, 0.0, 0.0, 0.0])
 }
@@ -202,7 +229,8 @@ fn material_index(seen: &Seen) -> Option<[f32; 4]> {
 /// time, and the background with the turning of the camera.
 fn vector(seen: &Seen) -> Option<[f32; 4]> {
     let flow = seen.frame.passes.flow.as_ref()?;
-    let [before, now, after] = match seen.surface {
+    let [before, now, after] = match seen.shown.surface() {
+        Some(_) if !seen.shown.is_dense => return None,
         Some(surface) => surface_on_film(seen.frame, flow, &surface.hit),
         None => {
             let [before, after] = &flow.cameras;

@@ -52,6 +52,8 @@ pub struct Bounces {
     glossy: u32,
     transmission: u32,
     volume: u32,
+    /// How many of them went through glass that counts as clear; see [`Tracer::after`].
+    clear: u32,
     /// What scattered the ray last; none for a camera ray.
     last: Option<Part>,
     /// Smallest density [1/sr] of the directions so far, once there was one.
@@ -308,12 +310,21 @@ impl<'a> Chance<'a> {
     }
 }
 
+/// A transparent surface that a ray passed.
+#[derive(Clone, Copy)]
+struct Crossing {
+    hit: Hit,
+    /// Share of the light that it lets through, over its probability of letting the ray pass.
+    share: Vec3A,
+    /// Mean share of the light that it does not let through.
+    opacity: f32,
+}
+
 /// The transparent surfaces that a ray passed, in the order in which the tree showed them, and the
-/// share of the light that each lets through, over its probability of letting the ray pass; and the
 /// media in between.
 #[derive(Default)]
 pub struct Passed {
-    surfaces: Vec<(Hit, Vec3A)>,
+    surfaces: Vec<Crossing>,
     flight: Flight,
     /// Light that the media gave off.
     pub glow: Vec3A,
@@ -321,28 +332,48 @@ pub struct Passed {
 
 impl Passed {
     /// Remembers a surface; false, for it stops nothing.
-    fn note(&mut self, hit: &Hit, share: Vec3A) -> bool {
-        self.surfaces.push((*hit, share));
+    fn note(&mut self, hit: &Hit, Passage { share, probability }: Passage) -> bool {
+        self.surfaces.push(Crossing {
+            hit: *hit,
+            share: share / probability,
+            opacity: 1.0 - share.element_sum() / 3.0,
+        });
         false
+    }
+
+    /// The nearest surface of at least this opacity.
+    pub fn first_of(&self, opacity: f32) -> Option<&Hit> {
+        let dense = self.surfaces.iter().filter(|c| c.opacity >= opacity);
+        dense.min_by(|a, b| by_distance(a, b)).map(|c| &c.hit)
+    }
+
+    /// The farthest surface.
+    pub fn last(&self) -> Option<&Hit> {
+        let last = self.surfaces.iter().max_by(|a, b| by_distance(a, b));
+        last.map(|c| &c.hit)
     }
 
     /// Takes back what lies beyond `end`; the surface at which a ray that passes `limit` ones must
     /// stop.
     fn end_at(&mut self, end: f32, limit: u32) -> Option<Hit> {
-        self.surfaces.retain(|(hit, _)| hit.t < end);
+        self.surfaces.retain(|c| c.hit.t < end);
         let limit = limit as usize;
         if self.surfaces.len() <= limit {
             return None;
         }
-        let last = self.surfaces.select_nth_unstable_by(limit, by_distance).1.0;
+        let last = self
+            .surfaces
+            .select_nth_unstable_by(limit, by_distance)
+            .1
+            .hit;
         self.surfaces.truncate(limit);
         Some(last)
     }
 
     /// Share of the light from this distance that arrives.
     pub fn share(&self, distance: f32) -> Vec3A {
-        let nearer = self.surfaces.iter().filter(|(hit, _)| hit.t < distance);
-        let passed: Vec3A = nearer.map(|(_, share)| *share).product();
+        let nearer = self.surfaces.iter().filter(|c| c.hit.t < distance);
+        let passed: Vec3A = nearer.map(|c| c.share).product();
         passed * self.flight.share(distance)
     }
 }
@@ -362,8 +393,8 @@ fn clamped(radiance: Vec3A, throughput: f32, limit: f32) -> Vec3A {
     radiance * clamp_factor(radiance, throughput, limit)
 }
 
-fn by_distance((a, _): &(Hit, Vec3A), (b, _): &(Hit, Vec3A)) -> std::cmp::Ordering {
-    a.t.total_cmp(&b.t)
+fn by_distance(a: &Crossing, b: &Crossing) -> std::cmp::Ordering {
+    a.hit.t.total_cmp(&b.hit.t)
 }
 
 /// The balance heuristic's weight of the technique with the first density.
@@ -513,8 +544,23 @@ impl<'a> Tracer<'a> {
         if !self.is_seen(hit, info) {
             return false;
         }
-        let Passage { share, probability } = Passage::at(self.frame, hit, ray, info);
-        probability <= 0.0 || chance.of(hit) >= probability || passed.note(hit, share / probability)
+        let passage = Passage::at(self.frame, hit, ray, info);
+        let probability = passage.probability;
+        probability <= 0.0 || chance.of(hit) >= probability || passed.note(hit, passage)
+    }
+
+    /// Mean share of a camera ray's light that a surface does not let through.
+    pub fn opacity(&self, hit: &Hit, ray: &Ray) -> f32 {
+        if self.see_through.get(hit.instance as usize) != Some(&true) {
+            return 1.0;
+        }
+        let share = Passage::at(self.frame, hit, ray, &RayInfo::default()).share;
+        1.0 - share.element_sum() / 3.0
+    }
+
+    /// The surface that a camera ray meets at a hit.
+    pub fn surface_at(&self, hit: &Hit, ray: &Ray) -> Surface {
+        surface::at(self.frame, hit, ray, &RayInfo::default())
     }
 
     /// Radiance that a surface reflects: `f cos` times light over all directions, by one light
@@ -589,7 +635,7 @@ impl<'a> Tracer<'a> {
             membership: surface.membership,
             normal: surface.normal_towards(sample.direction),
             strategy: strategy_at(from.total),
-            bounces: from.after(sample.part),
+            bounces: self.after(from, sample.part, sample.alpha),
             throughput: throughput / survival,
             wants_distance: false,
         };
@@ -600,6 +646,59 @@ impl<'a> Tracer<'a> {
             pdf_solid_angle,
             survival,
         })
+    }
+
+    /// One event more, at a closure of this GGX alpha.
+    pub fn after(&self, from: Bounces, part: Part, alpha: f32) -> Bounces {
+        let is_clear = part == Part::Transmission && alpha <= self.clear_alpha();
+        Bounces {
+            clear: from.clear + u32::from(is_clear),
+            ..from.after(part)
+        }
+    }
+
+    /// Largest GGX alpha of glass through which the film's transparent background is seen; none is
+    /// so smooth where the background shows.
+    fn clear_alpha(&self) -> f32 {
+        let settings = self.settings;
+        match settings.film_transparent && settings.film_transparent_glass {
+            true => alpha_of(settings.film_transparent_roughness),
+            false => 0.0,
+        }
+    }
+
+    /// Whether a ray that finds the background adds nothing to the picture but transparency.
+    pub fn hides_background(&self, bounces: &Bounces) -> bool {
+        self.settings.film_transparent && bounces.clear == bounces.total
+    }
+
+    /// Share of the film's transparent background that is seen through the clear glass of a surface,
+    /// by one path: as in Cycles all that glass lets pass, whatever it does to directions.
+    pub fn seen_through(&self, surface: &Surface, sampler: &Sampler) -> f32 {
+        let (mut bounces, mut throughput) = (Bounces::default(), Vec3A::ONE);
+        let mut next = None;
+        loop {
+            let surface = next.as_ref().unwrap_or(surface);
+            if self.clear_alpha() == 0.0 || !surface.bsdf.is_transmissive() {
+                return 0.0;
+            }
+            let numbers = sampler.scatter(bounces.total);
+            let Some(sample) = surface.bsdf.sample(numbers.lobe, numbers.direction) else {
+                return 0.0;
+            };
+            bounces = self.after(bounces, sample.part, sample.alpha);
+            if !self.hides_background(&bounces) {
+                return 0.0;
+            }
+            throughput *= sample.value.sum() / surface.bsdf.pdf(sample.pdfs);
+            let ray = surface.ray_towards(sample.direction);
+            let (met, passed) = self.arrive(&ray, &bounces, sampler);
+            match met {
+                None => return (throughput * passed.share(ray.t_max)).element_sum() / 3.0,
+                Some(_) if bounces.at_limit(self.settings) => return 0.0,
+                met => next = met,
+            }
+        }
     }
 
     /// What comes back along a ray that goes on from a surface.
@@ -693,6 +792,9 @@ impl<'a> Tracer<'a> {
         clamped: impl Fn(Vec3A) -> Vec3A,
         gathered: &mut Gathered,
     ) {
+        if self.hides_background(&from.bounces) {
+            return;
+        }
         let direction = from.ray.direction;
         let (kind, vertex) = (from.bounces.kind(), from.bounces.lit_vertex());
         let radiance = share * self.lights.environment_radiance(direction, kind, vertex);
@@ -780,7 +882,12 @@ impl<'a> Tracer<'a> {
         from: &Bounces,
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
-        let (values, own) = surface.bsdf.eval(light.direction);
+        let (mut values, own) = surface.bsdf.eval(light.direction);
+        let is_background = light.radiance.is_none();
+        if is_background && self.hides_background(from) && surface.bsdf.is_clear(self.clear_alpha())
+        {
+            values.transmission = Vec3A::ZERO;
+        }
         let values = match surface.membership.is_lit_by(light.reach.links) {
             true => found_by(light, values, from.total),
             false => return LobeValues::default(),
@@ -908,7 +1015,11 @@ mod tests {
         let passed = || {
             let mut passed = Passed::default();
             for t in [3.0, 1.0, 4.0, 2.0] {
-                assert!(!passed.note(&hit(t), Vec3A::splat(t)));
+                let passage = Passage {
+                    share: 0.2 * Vec3A::splat(t),
+                    probability: 0.2,
+                };
+                assert!(!passed.note(&hit(t), passage));
             }
             passed
         };
@@ -918,9 +1029,13 @@ mod tests {
         assert_eq!(stop(2, 2.5), None);
         assert_eq!(stop(4, f32::INFINITY), None);
         let mut passed = passed();
-        assert_eq!(passed.share(2.5), Vec3A::splat(2.0));
+        assert!((passed.share(2.5) - 2.0).abs().max_element() < 1e-6);
+        let first_of = |opacity| passed.first_of(opacity).map(|hit| hit.t);
+        assert_eq!(first_of(0.0), Some(1.0));
+        assert_eq!(first_of(0.9), None);
+        assert_eq!(passed.last().map(|hit| hit.t), Some(4.0));
         passed.end_at(f32::INFINITY, 3);
-        assert_eq!(passed.share(f32::INFINITY), Vec3A::splat(6.0));
+        assert!((passed.share(f32::INFINITY) - 6.0).abs().max_element() < 1e-5);
     }
 
     /// A diffuse floor beside a mirror wall: without caustics the wall gives it nothing.

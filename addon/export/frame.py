@@ -86,6 +86,8 @@ def export_frame(
     cache.begin_frame(depsgraph)
     instances.read()
     arrays |= _world_arrays(materials, time, should_stop)
+    threshold = depsgraph.view_layer_eval.pass_alpha_threshold
+    arrays["alpha_threshold"] = np.array(threshold, np.float32)
     arrays |= instances.arrays() | materials.arrays() | instances.lights.arrays()
     arrays |= _moved_arrays(instances, arrays, resolution, time, move, shutter, has_flow)
     warn_of_unbaked(depsgraph, warnings)

@@ -39,7 +39,7 @@ impl CatcherSums {
     }
 
     /// Share of the light that is left; one without a catcher.
-    fn left(&self) -> Vec3A {
+    pub fn left(&self) -> Vec3A {
         let (among_all, alone) = (Vec3A::from(self.among_all), Vec3A::from(self.alone));
         let lit = alone.cmpgt(Vec3A::ZERO);
         if !lit.any() {

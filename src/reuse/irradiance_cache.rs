@@ -126,20 +126,24 @@ fn own_light(view: &View, shot: &Shot) -> Vec3A {
 
 fn gather_own(view: &View, surface: &Surface, sampler: &Sampler) -> Vec3A {
     let numbers = sampler.scatter(0);
-    let Some((direction, part)) = surface.bsdf.sample_own(numbers.lobe, numbers.direction) else {
+    let Some(drawn) = surface.bsdf.sample_own(numbers.lobe, numbers.direction) else {
         return Vec3A::ZERO;
     };
+    let direction = drawn.direction;
     let (value, LobePdfs { own: pdf, .. }) = surface.bsdf.eval(direction);
     if !(pdf > 0.0) {
         return Vec3A::ZERO;
     }
-    gather(view, surface, part, direction, pdf, sampler).sum() * value.own() / pdf
+    let bounces = view
+        .tracer
+        .after(Bounces::default(), drawn.part, drawn.alpha);
+    gather(view, surface, bounces, direction, pdf, sampler).sum() * value.own() / pdf
 }
 
 fn gather(
     view: &View,
     surface: &Surface,
-    part: Part,
+    bounces: Bounces,
     direction: Vec3A,
     pdf_solid_angle: f32,
     sampler: &Sampler,
@@ -151,7 +155,7 @@ fn gather(
         membership: surface.membership,
         normal: surface.normal_towards(direction),
         strategy: Strategy::SkyApart,
-        bounces: Bounces::default().after(part),
+        bounces,
         throughput: 1.0,
         wants_distance: true,
     };
@@ -203,7 +207,14 @@ fn look_around(view: &View, surface: &Surface, [x, y]: [usize; 2], iteration: u3
         let direction = frame.to_world(Vec3A::new(sin * cos_phi, sin * sin_phi, cos));
         let (_, LobePdfs { lambert: pdf, .. }) = surface.bsdf.eval(direction);
         let light = match pdf > 0.0 {
-            true => gather(view, surface, Part::Diffuse, direction, pdf, &sampler),
+            true => gather(
+                view,
+                surface,
+                Bounces::default().after(Part::Diffuse),
+                direction,
+                pdf,
+                &sampler,
+            ),
             // Below the geometric surface: black, and nothing is near.
             false => Gathered {
                 distance: f32::INFINITY,

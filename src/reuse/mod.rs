@@ -21,7 +21,7 @@ use crate::error::{Error, Result};
 use crate::film::{Caught, Film, Pixel, Region, Sighting};
 use crate::math::warp::sample_cosine_hemisphere;
 use crate::math::{Frame, PixelFilter, Ray};
-use crate::passes::{self, Seen};
+use crate::passes::{self, Seen, Shown};
 use crate::path::{Bounces, Divided, Passed, Reflected, Tracer, take_rays};
 use crate::progress::Progress;
 use crate::sampling::{Sampler, ShutterTimes, Strategy};
@@ -201,7 +201,26 @@ impl View<'_> {
         }
     }
 
-    fn look(&self, shot: &Shot) -> Sight {
+    /// The surface that passes of what is seen show.
+    fn shown<'a>(&self, shot: &'a Shot) -> Shown<'a> {
+        let (Some(ray), false) = (&shot.ray, shot.is_hole) else {
+            return Shown::default();
+        };
+        let (tracer, threshold) = (&self.tracer, self.tracer.frame.passes.alpha_threshold);
+        let first = shot.passed.first_of(threshold);
+        let last = || shot.passed.last().filter(|_| shot.surface.is_none());
+        let end = shot.surface.as_ref().filter(|s| !s.is_medium);
+        let is_end_dense = || end.is_some_and(|end| tracer.opacity(&end.hit, ray) >= threshold);
+        Shown {
+            is_dense: first.is_some() || is_end_dense(),
+            passed: first
+                .or_else(last)
+                .map(|hit| Box::new(tracer.surface_at(hit, ray))),
+            end,
+        }
+    }
+
+    fn look(&self, shot: &Shot, shown: &Shown) -> Sight {
         let Some(ray) = &shot.ray else {
             return Sight::OUTSIDE;
         };
@@ -214,9 +233,9 @@ impl View<'_> {
         let surface = shot.surface.as_ref();
         let glow = surface.map_or(Vec3A::ZERO, |surface| surface.emission);
         let share = passed.share(ray.t_max);
-        let (seen, environment) = self.behind(shot, ray, share);
+        let (coverage, environment) = self.behind(shot, ray, share);
         Sight {
-            seen,
+            seen: self.sighting(shot, shown, coverage),
             share: share.element_sum() / 3.0,
             emission: glow + lamps + passed.glow,
             environment,
@@ -227,26 +246,23 @@ impl View<'_> {
         }
     }
 
-    /// What lies at the end of a ray, of whose light `share` arrives, and the radiance of the background
-    /// if that is it.
-    fn behind(&self, shot: &Shot, ray: &Ray, share: Vec3A) -> (Sighting, Vec3A) {
+    /// How much of the film the end of a ray covers, of whose light `share` arrives, and the radiance of
+    /// the background if that is it.
+    fn behind(&self, shot: &Shot, ray: &Ray, share: Vec3A) -> (f32, Vec3A) {
         if let Some(surface) = &shot.surface {
-            return (self.sighting(surface), Vec3A::ZERO);
+            let seen_through = self.tracer.seen_through(surface, &shot.sampler);
+            return (1.0 - surface.holdout - seen_through, Vec3A::ZERO);
         }
         // As in Cycles a hole is a hole even where the background shows.
         if shot.is_hole {
-            return (Sighting::NOTHING, Vec3A::ZERO);
+            return (0.0, Vec3A::ZERO);
         }
         if self.tracer.settings.film_transparent {
-            let sighting = Sighting {
-                coverage: 1.0 - share.element_sum() / 3.0,
-                ..Sighting::NOTHING
-            };
-            return (sighting, Vec3A::ZERO);
+            return (1.0 - share.element_sum() / 3.0, Vec3A::ZERO);
         }
         let lights = &self.tracer.lights;
         let radiance = lights.environment_radiance(ray.direction, RayKind::Camera, 0);
-        (Sighting::BACKGROUND, share * radiance)
+        (1.0, share * radiance)
     }
 
     /// What a camera ray finds on a shadow catcher before it ends, which the picture does not show.
@@ -266,7 +282,8 @@ impl View<'_> {
     /// Adds what the camera sees along the ray of an iteration to its pixel and to the passes, but for
     /// light that the surface reflects; returns it.
     pub fn see(&self, shot: &Shot, iteration: u32, pixel: &mut Pixel) -> Sight {
-        let sight = self.look(shot);
+        let shown = self.shown(shot);
+        let sight = self.look(shot, &shown);
         pixel.sums.add_sighting(iteration, &sight.seen);
         pixel.sums.add_radiance(sight.radiance());
         if let Some(catcher) = &mut pixel.catcher {
@@ -277,6 +294,7 @@ impl View<'_> {
                 frame: self.tracer.frame,
                 region: self.region,
                 surface: shot.surface.as_ref().filter(|s| !s.is_medium),
+                shown: &shown,
                 ray: shot.ray.as_ref(),
                 share: sight.share,
             };
@@ -309,12 +327,14 @@ impl View<'_> {
         self.tracer.ambient(surface, direction, distance)
     }
 
-    fn sighting(&self, surface: &Surface) -> Sighting {
+    fn sighting(&self, shot: &Shot, shown: &Shown, coverage: f32) -> Sighting {
+        let camera = &self.tracer.frame.camera;
+        let surface = shot.surface.as_ref();
         Sighting {
-            coverage: 1.0 - surface.holdout,
-            normal: surface.normal,
-            albedo: surface.albedo(),
-            depth: Some(self.tracer.frame.camera.depth(surface.position)),
+            coverage,
+            normal: shown.dense().map_or(Vec3A::ZERO, |shown| shown.normal),
+            albedo: surface.map_or(Vec3A::ZERO, Surface::albedo),
+            depth: shown.surface().map(|shown| camera.depth(shown.position)),
         }
     }
 }

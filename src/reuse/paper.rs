@@ -236,14 +236,18 @@ fn gather(view: &View, surface: &Surface, sampler: &Sampler) -> Gather {
         membership: surface.membership,
         normal: surface.normal,
         strategy: Strategy::WithoutSky,
-        bounces: Bounces::default().after(sample.part),
+        bounces: view
+            .tracer
+            .after(Bounces::default(), sample.part, sample.alpha),
         throughput: weight.max_element(),
         wants_distance: true,
     };
     let gathered = view.tracer.gather(&from, sampler);
     let leaf = view.light_tree.leaf(direction);
     let world = &view.tracer.frame.world;
-    let open = match world.reach.includes(from.bounces.kind(), 0) {
+    let is_seen = world.reach.includes(from.bounces.kind(), 0)
+        && !view.tracer.hides_background(&from.bounces);
+    let open = match is_seen {
         true => weight * leaf.radiance,
         false => Vec3A::ZERO,
     };

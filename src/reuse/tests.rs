@@ -823,7 +823,7 @@ mod visibility {
 
     use crate::contract::Filter;
     use crate::reuse::*;
-    use crate::scene::{Light, LightKind, Reach, Visibility};
+    use crate::scene::{Light, LightKind, Material, Reach, Visibility};
     use crate::testing::{Scene, Shoot, camera, diffuse, plain_world, square};
 
     const METHODS: [Method; 3] = [Method::Path, Method::DualCone, Method::Paper];
@@ -866,6 +866,10 @@ mod visibility {
 
     /// Mean of all pixels: red, green, blue, alpha.
     fn mean(scene: &Scene, method: Method) -> [f32; 4] {
+        mean_with(scene, method, Settings::default())
+    }
+
+    fn mean_with(scene: &Scene, method: Method, settings: Settings) -> [f32; 4] {
         let frames = [scene.frame(1)];
         let settings = Settings {
             method,
@@ -873,7 +877,7 @@ mod visibility {
             filter: Filter::Box,
             film_transparent: true,
             window: 1,
-            ..Settings::default()
+            ..settings
         };
         let shoot = Shoot {
             frames: &frames,
@@ -933,6 +937,41 @@ mod visibility {
             for method in METHODS {
                 let red = mean(&scene, method)[0];
                 assert!((red - expected).abs() < 0.1 * LIT, "{method:?}: {red}");
+            }
+        }
+    }
+
+    /// Panes that send all light on, over nothing.
+    #[test]
+    fn clear_glass_is_as_transparent_as_the_film() {
+        let panes = |roughness: f32| {
+            let mut scene = Scene::new();
+            scene.world = plain_world(1.0);
+            scene.camera = camera(Vec3::new(0.0, 0.0, 2.0), Vec3::ZERO, 0.5);
+            let inputs = [
+                ("Weight", 1.0),
+                ("Color", 1.0),
+                ("IOR", 1.3),
+                ("Roughness", roughness),
+            ];
+            let glass = Material::of(&[("refraction", &inputs)]);
+            scene.add(square(), Affine3A::from_scale(Vec3::splat(9.0)), glass);
+            scene
+        };
+        for method in METHODS {
+            for (roughness, film_transparent_glass, alpha) in [
+                (0.0, true, 0.0),
+                (0.05, true, 0.0),
+                (0.0, false, 1.0),
+                (0.2, true, 1.0),
+            ] {
+                let settings = Settings {
+                    film_transparent_glass,
+                    ..Settings::default()
+                };
+                let [red, .., seen] = mean_with(&panes(roughness), method, settings);
+                let is_off = (red - alpha).abs().max((seen - alpha).abs()) > 0.01;
+                assert!(!is_off, "{method:?} {roughness}: {red} {seen}");
             }
         }
     }

@@ -110,6 +110,7 @@ impl SceneFrame {
             frame,
             passes: ForPasses {
                 mist: mist(&arrays),
+                alpha_threshold: arrays.f32s("alpha_threshold")[0],
                 ambient_distance: arrays.f32s("ambient_distance")[0],
                 flow: flow(&arrays, &camera, &instances, &meshes)?,
                 mattes: Mattes {

@@ -11,6 +11,8 @@ pub struct ForPasses {
     pub mist: Mist,
     /// How far away what is near may be [m].
     pub ambient_distance: f32,
+    /// Opacity of the surfaces that passes of what is seen show; they look through others.
+    pub alpha_threshold: f32,
     /// Where things are in the frames around, if a pass asks for it.
     pub flow: Option<Flow>,
     /// Cryptomatte's names of things, if a pass asks for them.

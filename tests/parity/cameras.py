@@ -48,12 +48,12 @@ def exposure(stage: Stage) -> None:
     set_known(getattr(stage.scene, "dualcone", None), film_exposure=2.0, exposure=2.0)
 
 
-def transparent_glass(stage: Stage) -> None:
+def transparent_glass(stage: Stage, roughness: float = 0.0, threshold: float = 0.1) -> None:
     stage.scene.render.film_transparent = True
-    stage.scene.cycles.film_transparent_glass = True
-    set_known(getattr(stage.scene, "dualcone", None), film_transparent_glass=True)
+    cycles = stage.scene.cycles
+    cycles.film_transparent_glass, cycles.film_transparent_roughness = True, threshold
     material = bpy.data.materials.new("Glass")
-    give(stage.ball, shade(material, "ShaderNodeBsdfGlass", Roughness=0.0, IOR=1.45))
+    give(stage.ball, shade(material, "ShaderNodeBsdfGlass", Roughness=roughness, IOR=1.45))
     stage.lamp.data.size = 5.0
 
 
@@ -81,6 +81,8 @@ FILM = table(
     ("Blackman-Harris filter, 2 pixels", pixel_filter, {"kind": "BLACKMAN_HARRIS", "width": 2.0}),
     ("exposure 2", exposure),
     ("transparent glass", transparent_glass),
+    ("transparent glass, rough", transparent_glass, {"roughness": 0.3, "threshold": 0.4}),
+    ("transparent glass, too rough", transparent_glass, {"roughness": 0.3}),
 )
 
 ROWS = CAMERAS + FILM

@@ -165,6 +165,46 @@ def test_data_would_be_seen_to_differ(pair: tuple[Exr, Exr]) -> None:
         assert (error > tolerance)[inside].any(), name
 
 
+PANE = 40
+
+
+def test_data_shows_what_is_dense_enough(stage: Any) -> None:
+    """Two panes before the camera: what of them, and of what they cover, passes show."""
+    for x, alpha in ((-1.1, 0.7), (1.1, 0.3)):
+        bpy.ops.mesh.primitive_plane_add(
+            size=2.0, location=(x, -5.0, 2.5), rotation=(1.2, 0.0, 0.4)
+        )
+        pane: Any = bpy.context.object
+        pane.pass_index = PANE
+        pane.data.materials.append(material_of("BsdfPrincipled", Alpha=alpha))
+    switch_on(stage, *DATA_SWITCHES)
+    layer = stage.view_layers[0]
+    layer.pass_alpha_threshold = 0.0
+    all_shown = render(stage, "DUALCONE", 1), render(stage, "CYCLES", 1)
+    # A seed of one sample each: the middle of a pane is the same for both.
+    shows = [exr.layer(blender_name("Object Index"))[..., 0] == PANE for exr in all_shown]
+    inside = np.logical_and.reduce([around(show).all(axis=0) for show in shows])
+    left = np.arange(SIZE) < SIZE // 2
+    dense, thin = inside & left, inside & ~left
+    assert dense.sum() > 20
+    assert thin.sum() > 20
+    layer.pass_alpha_threshold = 0.5
+    pair = render(stage, "DUALCONE", 256), render(stage, "CYCLES", 256)
+    for name in SAMPLED:
+        near = 1.1 * spread(all_shown[1].layer(name))
+        assert (errors(pair, name) <= near)[dense].all(), name
+    assert not errors(pair, "Object Index")[dense].any()
+    # What lies behind the thin pane shows as often as chance lets a path pass it.
+    for mask in (dense, thin):
+        for name in ("Normal", "UV", "Vector"):
+            ours, theirs = (exr.layer(blender_name(name))[mask].mean(axis=0) for exr in pair)
+            np.testing.assert_allclose(ours, theirs, rtol=0.02, atol=0.02, err_msg=name)
+    shares = [(exr.layer(blender_name("Object Index"))[thin] == PANE).mean() for exr in pair]
+    # Six standard deviations of the difference of two counts.
+    assert abs(shares[0] - shares[1]) < 6.0 * np.sqrt(2.0 * 0.3 * 0.7 / thin.sum())
+    assert 0.0 < shares[0] < 1.0
+
+
 PARTS = ("Diffuse", "Glossy", "Transmission")
 LIGHT_SWITCHES = (
     *(
@@ -318,6 +358,20 @@ def test_ambient_occlusion_is_that_of_cycles(lit_stage: Any) -> None:
     moved = (np.roll(ours, 1, axis=1) - theirs)[inside]
     assert moved.std() > 0.5 * noise
     assert np.abs(moved).max() > 4.0 * noise
+
+
+def test_the_light_of_shadow_catchers_is_that_of_cycles(lit_stage: Any) -> None:
+    bpy.data.objects["Plane"].is_shadow_catcher = True
+    lit_stage.render.film_transparent = True
+    lit_stage.view_layers[0].cycles.use_pass_shadow_catcher = True
+    pair = render(lit_stage, "DUALCONE", 512), render(lit_stage, "CYCLES", 512)
+    ours, theirs = (exr.layer("Shadow Catcher") for exr in pair)
+    shaded = theirs.mean(axis=-1) < 0.9
+    assert 0.05 < shaded.mean() < 0.5
+    # Noise: each is off by 0.015 on average from what many samples make of it.
+    assert np.abs(ours - theirs).mean() < 0.03
+    assert np.abs(np.roll(ours, 1, axis=1) - theirs).mean() > 0.03
+    assert ours[shaded].mean() == pytest.approx(theirs[shaded].mean(), rel=0.03)
 
 
 @pytest.mark.parametrize("method", ["PATH", "DUAL_CONE"])

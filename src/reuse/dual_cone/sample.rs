@@ -276,6 +276,7 @@ impl<'a> Pass<'a> {
         let numbers = shot.sampler.scatter(0);
         let drawn = surface.bsdf.sample(numbers.lobe, numbers.direction)?;
         let pdf_solid_angle = surface.bsdf.pdf(drawn.pdfs);
+        let tracer = &self.view.tracer;
         let from = Continuation {
             ray: surface.ray_towards(drawn.direction),
             pdf_solid_angle,
@@ -283,11 +284,11 @@ impl<'a> Pass<'a> {
             membership: surface.membership,
             normal: surface.normal_towards(drawn.direction),
             strategy: self.strategy(lending),
-            bounces: Bounces::default().after(drawn.part),
+            bounces: tracer.after(Bounces::default(), drawn.part, drawn.alpha),
             throughput: 1.0,
             wants_distance: self.iteration < REACH_ITERATIONS,
         };
-        let gathered = self.view.tracer.gather(&from, &shot.sampler);
+        let gathered = tracer.gather(&from, &shot.sampler);
         Some(Gather {
             class: self.class_of(&gathered, drawn.direction),
             from,

@@ -130,6 +130,15 @@ impl Lobe {
         }
     }
 
+    /// GGX alpha of its microfacets; one without any.
+    pub fn alpha(&self) -> f32 {
+        match &self.model {
+            Model::Reflection(r) => r.ggx.alpha(),
+            Model::Interface(i) => i.ggx.alpha(),
+            _ => 1.0,
+        }
+    }
+
     /// The distribution of its microfacets, if it has any.
     pub fn ggx_mut(&mut self) -> Option<&mut Ggx> {
         match &mut self.model {

@@ -170,10 +170,23 @@ pub struct BsdfSample {
     pub direction: Vec3A,
     /// The part it was drawn from.
     pub part: Part,
+    /// GGX alpha of the closure it was drawn from; one without microfacets.
+    pub alpha: f32,
     /// `f cos` of all parts [1/sr].
     pub value: LobeValues,
     /// Densities of both samplers [1/sr].
     pub pdfs: LobePdfs,
+}
+
+/// A direction of one closure.
+#[derive(Debug, Clone, Copy)]
+pub struct Drawn {
+    /// Unit vector away from the surface, world space.
+    pub direction: Vec3A,
+    /// The part it was drawn from.
+    pub part: Part,
+    /// GGX alpha of the closure; one without microfacets.
+    pub alpha: f32,
 }
 
 /// What describes a reflecting closure without grain.
@@ -552,6 +565,12 @@ impl Bsdf {
         self.lobes().iter().any(Lobe::is_transmissive)
     }
 
+    /// Whether light comes through closures of at most this GGX alpha and through no others.
+    pub fn is_clear(&self, alpha: f32) -> bool {
+        let mut passing = self.lobes().iter().filter(|lobe| lobe.is_transmissive());
+        self.is_transmissive() && passing.all(|lobe| lobe.alpha() <= alpha)
+    }
+
     /// Values and densities towards `wi`.
     pub fn eval(&self, wi: Vec3A) -> (LobeValues, LobePdfs) {
         let is_above = wi.dot(self.geometric_normal) > 0.0;
@@ -628,7 +647,7 @@ impl Bsdf {
     }
 
     /// A direction of the other closures; none on the wrong side of the surface.
-    pub fn sample_own(&self, u_lobe: f32, u: [f32; 2]) -> Option<(Vec3A, Part)> {
+    pub fn sample_own(&self, u_lobe: f32, u: [f32; 2]) -> Option<Drawn> {
         let weight = |lobe: &Lobe| luminance(lobe.albedo());
         let total: f32 = self.lobes().iter().map(weight).sum();
         let mut rest = u_lobe * total;
@@ -650,22 +669,31 @@ impl Bsdf {
         let direction = view.frame.to_world(local);
         let is_above = direction.dot(self.geometric_normal) > 0.0;
         let part = lobe.part_towards(local)?;
-        part.may_leave(is_above).then_some((direction, part))
+        part.may_leave(is_above).then_some(Drawn {
+            direction,
+            part,
+            alpha: lobe.alpha(),
+        })
     }
 
     /// A direction of the whole surface, chosen with [`Bsdf::probability_lambert`].
     pub fn sample(&self, u_lobe: f32, u: [f32; 2]) -> Option<BsdfSample> {
         let probability = self.probability_lambert();
-        let (direction, part) = if u_lobe < probability {
-            (self.sample_lambert(u)?, Part::Diffuse)
+        let drawn = if u_lobe < probability {
+            Drawn {
+                direction: self.sample_lambert(u)?,
+                part: Part::Diffuse,
+                alpha: 1.0,
+            }
         } else {
             self.sample_own((u_lobe - probability) / (1.0 - probability), u)?
         };
-        let (value, pdfs) = self.eval(direction);
+        let (value, pdfs) = self.eval(drawn.direction);
         // A black surface has no density: dividing by it would spoil the light it emits itself.
         (self.pdf(pdfs) > 0.0).then_some(BsdfSample {
-            direction,
-            part,
+            direction: drawn.direction,
+            part: drawn.part,
+            alpha: drawn.alpha,
             value,
             pdfs,
         })
