@@ -62,7 +62,7 @@ impl<V: FnMut(u32, f32) -> Option<f32>> Job for Closest<'_, V> {
 
     #[inline(always)]
     fn run<L: Lanes>(mut self) {
-        let Some(mut walk) = Walk::<L>::new(self.tree, self.ray) else {
+        let Some(mut walk) = Walk::<L, ()>::new(self.tree, &[], self.ray) else {
             return;
         };
         let mut t_max = self.ray.t_max;
@@ -83,7 +83,7 @@ impl<V: FnMut(u32) -> bool> Job for Any<'_, V> {
 
     #[inline(always)]
     fn run<L: Lanes>(mut self) -> bool {
-        let Some(mut walk) = Walk::<L>::new(self.tree, self.ray) else {
+        let Some(mut walk) = Walk::<L, ()>::new(self.tree, &[], self.ray) else {
             return false;
         };
         while let Some(instance) = walk.next_largest(self.ray.t_max) {

@@ -19,10 +19,14 @@
 //! - The error bound is one padding per axis and ray, in place of two shifted origins: see
 //!   [`slabs`].
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod instances;
+mod node;
 mod shear;
 mod simd;
 mod slabs;
+mod stack;
 mod triangles;
 pub mod vector;
 mod wide;

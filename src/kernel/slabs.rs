@@ -12,8 +12,9 @@ pub struct Slabs {
     pub inverse: [f32; 3],
     pub near_offset: [f32; 3],
     pub far_offset: [f32; 3],
-    /// Per axis whether the ray runs down it and meets the upper plane first.
-    pub backward: [bool; 3],
+    /// Per axis which of the planes of [`Boxes`](super::node::Boxes) the ray meets first; the other
+    /// one's number differs in the last bit.
+    pub near: [u32; 3],
     pub t_min: f32,
 }
 
@@ -54,7 +55,7 @@ impl Slabs {
             inverse: inverse.to_array(),
             near_offset: near_offset.to_array(),
             far_offset: far_offset.to_array(),
-            backward: [1, 2, 4].map(|bit| backward & bit != 0),
+            near: [backward & 1, 2 | backward >> 1 & 1, 4 | backward >> 2],
             t_min: ray.t_min,
         })
     }

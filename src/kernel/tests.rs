@@ -3,12 +3,16 @@
 
 use super::{
     InstanceBvh, Positions, TriangleBvh, TriangleHit,
+    node::{Boxes, Node, WIDTH},
     shear::{Shear, exact_edges},
-    simd::{Job, Portable},
+    simd::{Job, Lanes, Portable, run_widest},
+    slabs::Slabs,
+    stack::{Key, SLOT, Stack},
     triangles::{Any, Closest},
 };
 use crate::math::{Ray, statistics::Random};
 use glam::{DVec3, Vec3, Vec3A, vec3};
+use obvhs::aabb::Aabb;
 
 /// A mesh by value.
 struct Mesh {
@@ -410,6 +414,83 @@ fn rays_that_are_not_rays_meet_nothing_and_end() {
         bvh.closest_hit(&Ray::segment(Vec3A::ZERO, Vec3A::X, f32::NAN));
     }
     assert!(!bvh.occluded(&Ray::new(Vec3A::ZERO, Vec3A::ZERO)));
+}
+
+/// The keys and children that a walk gets from a node.
+struct Meet<'a> {
+    node: &'a Node,
+    slabs: &'a Slabs,
+    by_distance: bool,
+}
+
+impl Job for Meet<'_> {
+    type Output = Vec<(Key, u32)>;
+
+    fn run<L: Lanes>(self) -> Self::Output {
+        let mut stack = Stack::new(0);
+        stack.pop();
+        let meet = if self.by_distance {
+            L::meet_by_distance
+        } else {
+            L::meet_in_order
+        };
+        let met = meet(self.node, self.slabs, 2.0, stack.room());
+        // SAFETY: they have been written.
+        unsafe { stack.grow(met.count) };
+        let mut all: Vec<_> = std::iter::from_fn(|| stack.pop()).collect();
+        if let Some(&(_, child)) = all.first() {
+            assert_eq!(child, met.next);
+        }
+        all.reverse();
+        all
+    }
+}
+
+/// Results do not depend on the order of visits, so the other tests do not see it.
+#[test]
+fn children_are_visited_by_distance_or_in_their_order() {
+    let mut random = Random::new(12);
+    let mut met = [0; WIDTH + 1];
+    for _ in 0..2000 {
+        let mut node = Node {
+            boxes: Boxes::EMPTY,
+            children: std::array::from_fn(|slot| 100 + slot as u32),
+        };
+        for slot in 0..(9.0 * random.next()) as usize {
+            let center = Vec3A::from(point(&mut random));
+            let half = Vec3A::splat(random.next());
+            node.boxes
+                .set(slot, &Aabb::new(center - half, center + half));
+        }
+        let (origin, target) = (2.0 * point(&mut random), 0.5 * point(&mut random));
+        let ray = Ray::new(origin.into(), (target - origin).into());
+        let slabs = Slabs::new(&ray, (-2.0 * Vec3A::ONE, 2.0 * Vec3A::ONE)).unwrap();
+        let job = |by_distance| Meet {
+            node: &node,
+            slabs: &slabs,
+            by_distance,
+        };
+        let (sorted, listed) = (run_widest(job(true)), run_widest(job(false)));
+        assert!(sorted.is_sorted_by(|a, b| a.0 > b.0), "{sorted:?}");
+        assert!(listed.is_sorted_by(|a, b| a.1 < b.1), "{listed:?}");
+        let mut children: Vec<u32> = sorted.iter().map(|(_, child)| *child).collect();
+        children.sort_unstable();
+        assert!(children.iter().eq(listed.iter().map(|(_, child)| child)));
+        assert!(
+            sorted
+                .iter()
+                .all(|(key, child)| 100 + (key & SLOT) as u32 == *child)
+        );
+        let plain = job(true).run::<Portable>();
+        assert_eq!(plain.len(), sorted.len());
+        for (a, b) in plain.iter().zip(&sorted) {
+            let [a, b] = [a.0, b.0].map(|key| f32::from_bits((key & !SLOT) as u32));
+            assert!((a - b).abs() < 1e-5, "{a} {b}");
+        }
+        assert_eq!(job(false).run::<Portable>(), listed);
+        met[sorted.len()] += 1;
+    }
+    assert!(met.iter().take(6).all(|&count| count > 10), "{met:?}");
 }
 
 #[test]

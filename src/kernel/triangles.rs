@@ -222,7 +222,7 @@ impl<A: FnMut(&TriangleHit) -> bool> Job for Closest<'_, A> {
 
     #[inline(always)]
     fn run<L: Lanes>(mut self) -> Self::Output {
-        let mut walk = Walk::<L>::new(self.bvh.tree.as_ref()?, self.ray)?;
+        let mut walk = Walk::<L, _>::new(self.bvh.tree.as_ref()?, &self.bvh.packets, self.ray)?;
         // Made at the first leaf: many walks through a mesh's box meet none.
         let mut shear = None;
         let mut meetings = Meetings::default();
@@ -261,7 +261,9 @@ impl<A: FnMut(&TriangleHit) -> bool> Job for Any<'_, A> {
     #[inline(always)]
     fn run<L: Lanes>(mut self) -> bool {
         let tree = self.bvh.tree.as_ref();
-        let Some(mut walk) = tree.and_then(|tree| Walk::<L>::new(tree, self.ray)) else {
+        let Some(mut walk) =
+            tree.and_then(|tree| Walk::<L, _>::new(tree, &self.bvh.packets, self.ray))
+        else {
             return false;
         };
         // Made at the first leaf: many walks through a mesh's box meet none.

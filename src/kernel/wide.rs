@@ -1,8 +1,10 @@
 //! The 8-wide tree: how it is made from obvhs's binary one, and the walks through it.
 
 use super::{
-    simd::{Boxes, Lanes, WIDTH, bits},
+    node::{Boxes, Node, WIDTH},
+    simd::{Lanes, prefetch},
     slabs::Slabs,
+    stack::{Stack, key},
 };
 use crate::math::Ray;
 use glam::Vec3A;
@@ -11,14 +13,7 @@ use obvhs::{
     bvh2::{Bvh2, leaf_collapser, reinsertion::ReinsertionOptimizer},
     ploc::{PlocBuilder, PlocSearchDistance, SortPrecision},
 };
-use std::{marker::PhantomData, mem::MaybeUninit};
-
-/// Eight children: their boxes, and what they are.
-#[derive(Debug, Clone)]
-pub struct Node {
-    pub boxes: Boxes,
-    pub children: [u32; WIDTH],
-}
+use std::marker::PhantomData;
 
 /// Set in a child that is a leaf; the other bits are its index.
 const LEAF: u32 = 1 << 31;
@@ -113,27 +108,24 @@ impl WideTree {
 }
 
 /// A walk through the leaves of a tree that one ray meets.
-pub struct Walk<'a, L> {
+pub struct Walk<'a, L, T> {
     nodes: &'a [Node],
+    leaves: &'a [T],
     slabs: Slabs,
     waiting: Stack,
     lanes: PhantomData<L>,
 }
 
-impl<'a, L: Lanes> Walk<'a, L> {
-    /// None when the ray cannot meet anything.
+impl<'a, L: Lanes, T> Walk<'a, L, T> {
+    /// `leaves` are what the tree's leaves hold, to be fetched ahead of time. None when the ray cannot
+    /// meet anything.
     #[inline(always)]
-    pub fn new(tree: &'a WideTree, ray: &Ray) -> Option<Self> {
-        let slabs = Slabs::new(ray, tree.bounds)?;
-        let mut waiting = Stack::new();
-        waiting.push(Waiting {
-            t: ray.t_min,
-            child: 0,
-        });
+    pub fn new(tree: &'a WideTree, leaves: &'a [T], ray: &Ray) -> Option<Self> {
         Some(Self {
             nodes: &tree.nodes,
-            slabs,
-            waiting,
+            leaves,
+            slabs: Slabs::new(ray, tree.bounds)?,
+            waiting: Stack::new(0),
             lanes: PhantomData,
         })
     }
@@ -141,133 +133,59 @@ impl<'a, L: Lanes> Walk<'a, L> {
     /// The next leaf that the ray enters by `t_max`, the nearer subtree first.
     #[inline(always)]
     pub fn next_nearest(&mut self, t_max: f32) -> Option<u32> {
-        let mut entry = [0.0; WIDTH];
-        'next: loop {
-            let Waiting { t, mut child } = self.waiting.pop()?;
-            if t > t_max {
-                continue;
-            }
-            while child & LEAF == 0 {
-                let node = &self.nodes[child as usize];
-                let met = L::meet_boxes(&node.boxes, &self.slabs, t_max, &mut entry);
-                let mut met = bits(met);
-                let Some(slot) = met.next() else {
-                    continue 'next;
-                };
-                let of = |slot: usize| Waiting {
-                    t: entry[slot],
-                    child: node.children[slot],
-                };
-                let mut nearest = of(slot);
-                let others = self.waiting.len;
-                for slot in met {
-                    let new = of(slot);
-                    let (near, far) = if new.t < nearest.t {
-                        (new, nearest)
-                    } else {
-                        (nearest, new)
-                    };
-                    self.waiting.insert(others, far);
-                    nearest = near;
-                }
-                child = nearest.child;
-            }
-            return Some(child & !LEAF);
-        }
+        self.next::<true>(t_max)
     }
 
     /// The next leaf that the ray enters by `t_max`, the larger subtree first: it is the likelier
     /// one to hold some hit.
     #[inline(always)]
     pub fn next_largest(&mut self, t_max: f32) -> Option<u32> {
-        let mut entry = [0.0; WIDTH];
+        self.next::<false>(t_max)
+    }
+
+    #[inline(always)]
+    fn next<const BY_DISTANCE: bool>(&mut self, t_max: f32) -> Option<u32> {
+        let last = key(t_max, WIDTH - 1);
         'next: loop {
-            let mut child = self.waiting.pop()?.child;
+            let (key, mut child) = self.waiting.pop()?;
+            if key > last {
+                continue;
+            }
             while child & LEAF == 0 {
                 let node = &self.nodes[child as usize];
-                let met = L::meet_boxes(&node.boxes, &self.slabs, t_max, &mut entry);
-                let mut met = bits(met);
-                let Some(slot) = met.next() else {
-                    continue 'next;
+                let room = self.waiting.room();
+                // (As a function that is handed over, it would not be inlined: another instruction set.)
+                let met = match BY_DISTANCE {
+                    true => L::meet_by_distance(node, &self.slabs, t_max, room),
+                    false => L::meet_in_order(node, &self.slabs, t_max, room),
                 };
-                child = node.children[slot];
-                for slot in met {
-                    self.waiting.push(Waiting { t: 0.0, child });
-                    child = node.children[slot];
+                if met.count == 0 {
+                    continue 'next;
                 }
+                // The last one is not put there to be taken away at once.
+                // SAFETY: the others have been written.
+                unsafe { self.waiting.grow(met.count - 1) };
+                self.fetch_ahead();
+                child = met.next;
             }
             return Some(child & !LEAF);
         }
     }
-}
 
-/// A subtree that waits for its turn: where the ray enters it, and what it is.
-#[derive(Debug, Clone, Copy)]
-struct Waiting {
-    t: f32,
-    child: u32,
-}
-
-/// A stack that is not cleared before use, which would take a tenth of a ray's time.
-struct Stack {
-    len: usize,
-    usual: [MaybeUninit<Waiting>; USUAL_STACK],
-    /// What does not fit into `usual`.
-    rest: Vec<Waiting>,
-}
-
-/// Enough for trees of any size; only very uneven ones need more.
-const USUAL_STACK: usize = 192;
-
-impl Stack {
+    /// Asks the memory for what is likely to be visited after the next subtree.
     #[inline(always)]
-    fn new() -> Self {
-        Self {
-            len: 0,
-            usual: [const { MaybeUninit::uninit() }; USUAL_STACK],
-            rest: Vec::new(),
-        }
-    }
-
-    #[inline(always)]
-    fn push(&mut self, new: Waiting) {
-        if let Some(place) = self.usual.get_mut(self.len) {
-            place.write(new);
-        } else {
-            self.rest.push(new);
-        }
-        self.len += 1;
-    }
-
-    #[inline(always)]
-    fn pop(&mut self) -> Option<Waiting> {
-        self.len = self.len.checked_sub(1)?;
-        match self.usual.get(self.len) {
-            // SAFETY: entries below `len` have been written, by `push` or `insert`.
-            Some(entry) => Some(unsafe { entry.assume_init() }),
-            None => self.rest.pop(),
-        }
-    }
-
-    /// Pushes, keeping the entries from `first` on sorted with the nearest on top. (Not beyond
-    /// the usual size, where order, which only saves time, is given up.)
-    #[inline(always)]
-    fn insert(&mut self, first: usize, new: Waiting) {
-        let mut place = self.len;
-        self.push(new);
-        if self.len > USUAL_STACK {
-            return;
-        }
-        while place > first {
-            // SAFETY: `place <= len - 1`, and entries below `len` have been written.
-            let below = unsafe { self.usual[place - 1].assume_init() };
-            if below.t >= new.t {
-                break;
-            }
-            self.usual[place].write(below);
-            place -= 1;
-        }
-        self.usual[place].write(new);
+    fn fetch_ahead(&self) {
+        let child = self.waiting.top();
+        let (nodes, leaves) = (
+            self.nodes.as_ptr().cast::<u8>(),
+            self.leaves.as_ptr().cast(),
+        );
+        // Without branches: nobody can predict which of them it is.
+        let (start, size) = match child & LEAF == 0 {
+            true => (nodes, size_of::<Node>()),
+            false => (leaves, size_of::<T>()),
+        };
+        prefetch(start.wrapping_add((child & !LEAF) as usize * size));
     }
 }
 
