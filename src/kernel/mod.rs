@@ -23,6 +23,7 @@
 mod avx2;
 mod instances;
 mod node;
+mod pages;
 mod shear;
 mod simd;
 mod slabs;

@@ -1,6 +1,7 @@
 //! A tree over the triangles of one mesh.
 
 use super::{
+    pages,
     shear::Shear,
     simd::{Job, LEAF_TRIANGLES, Lanes, Meetings, Packet, bits, run_widest},
     wide::{Walk, WideTree},
@@ -304,7 +305,7 @@ fn packets(
     positions: &Positions,
     triangles: &[[u32; 3]],
 ) -> (Vec<Packet>, Vec<Packet>) {
-    let (mut starts, mut ends) = (Vec::with_capacity(leaves.len()), Vec::new());
+    let (mut starts, mut ends) = (pages::with_capacity(leaves.len()), Vec::new());
     for leaf in leaves {
         let (mut start, mut end) = (Packet::EMPTY, Packet::EMPTY);
         for (lane, &id) in leaf.iter().enumerate().filter(|(_, id)| **id != u32::MAX) {

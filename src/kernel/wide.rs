@@ -2,6 +2,7 @@
 
 use super::{
     node::{Boxes, Node, WIDTH},
+    pages,
     simd::{Lanes, prefetch},
     slabs::Slabs,
     stack::{Stack, key},
@@ -36,7 +37,7 @@ impl WideTree {
         mut new_leaf: impl FnMut(&[u32]) -> u32,
     ) -> Self {
         let binary = build_binary(boxes, leaf_size);
-        let mut nodes = Vec::with_capacity(binary.nodes.len() / 3 + 1);
+        let mut nodes = pages::with_capacity(binary.nodes.len() / 3 + 1);
         // Depth first, so that a subtree is one stretch of memory.
         let mut todo = vec![(0, None)];
         while let Some((root, parent)) = todo.pop() {
