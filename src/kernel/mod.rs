@@ -21,6 +21,7 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+mod collapse;
 mod instances;
 mod node;
 mod pages;

@@ -1,6 +1,7 @@
 //! The 8-wide tree: how it is made from obvhs's binary one, and the walks through it.
 
 use super::{
+    collapse::Collapse,
     node::{Boxes, Node, WIDTH},
     pages,
     simd::{Lanes, prefetch},
@@ -37,6 +38,7 @@ impl WideTree {
         mut new_leaf: impl FnMut(&[u32]) -> u32,
     ) -> Self {
         let binary = build_binary(boxes, leaf_size);
+        let collapse = Collapse::new(&binary);
         let mut nodes = pages::with_capacity(binary.nodes.len() / 3 + 1);
         // Depth first, so that a subtree is one stretch of memory.
         let mut todo = vec![(0, None)];
@@ -50,7 +52,7 @@ impl WideTree {
                 boxes: Boxes::EMPTY,
                 children: [NO_CHILD; WIDTH],
             };
-            for (slot, &child) in descend(&binary, root).iter().enumerate() {
+            for (slot, &child) in collapse.children(root).iter().enumerate() {
                 let source = &binary.nodes[child as usize];
                 node.boxes.set(slot, source.aabb());
                 if source.is_leaf() {
@@ -192,7 +194,7 @@ impl<'a, L: Lanes, T> Walk<'a, L, T> {
 
 /// obvhs's tree by its parts (its own convenience function also validates in debug builds, which
 /// takes longer than building): locally ordered clustering, reinsertion, and leaves by cost.
-fn build_binary(boxes: &[Aabb], leaf_size: usize) -> Bvh2 {
+pub fn build_binary(boxes: &[Aabb], leaf_size: usize) -> Bvh2 {
     /// Share of the nodes that are tried in a better place; more gains little.
     const REINSERTED: f32 = 0.05;
     /// Cost of a node in triangle tests. A leaf tests its triangles at once, so larger than
@@ -212,24 +214,4 @@ fn build_binary(boxes: &[Aabb], leaf_size: usize) -> Bvh2 {
         optimizer.run(&mut tree, 2.0 * REINSERTED, None);
     }
     tree
-}
-
-/// Up to eight descendants of a binary node that together cover it, the smallest box first.
-/// The largest one is opened until there are eight.
-fn descend(tree: &Bvh2, root: u32) -> Vec<u32> {
-    let node = |index: u32| &tree.nodes[index as usize];
-    let area = |index: u32| node(index).aabb().half_area();
-    let mut children = vec![root];
-    while children.len() < WIDTH {
-        let inner = (0..children.len()).filter(|&i| !node(children[i]).is_leaf());
-        let Some(largest) = inner.max_by(|&i, &j| area(children[i]).total_cmp(&area(children[j])))
-        else {
-            break;
-        };
-        let first = node(children[largest]).first_index;
-        children[largest] = first;
-        children.push(first + 1);
-    }
-    children.sort_by(|&i, &j| area(i).total_cmp(&area(j)));
-    children
 }
