@@ -30,6 +30,7 @@ pub mod progress;
 pub mod media;
 pub mod subsurface;
 pub mod surface;
+pub mod neighbourhood;
 pub mod path;
 pub mod passes;
 pub mod reuse;

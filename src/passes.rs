@@ -10,6 +10,7 @@ use crate::film::{Extra, Layout, Region, Row};
 use crate::math::Ray;
 use crate::path::Divided;
 use crate::scene::{Flow, SceneFrame, interpolate};
+use crate::shader::RayInfo;
 use crate::surface::{self, Surface};
 
 /// What a camera ray saw.
@@ -25,6 +26,8 @@ pub struct Seen<'a> {
     pub shown: &'a Shown<'a>,
     /// The ray; none outside of a fisheye's picture.
     pub ray: Option<&'a Ray>,
+    /// What its programs may ask.
+    pub info: &'a RayInfo<'a>,
     /// Share of its light that what lies in front lets pass, over the probability of seeing it.
     pub share: f32,
 }
@@ -114,14 +117,20 @@ pub fn add_outputs(extra: &mut Extra, iteration: u32, seen: &Seen) {
     if !layout.keeps(OUTPUT_COLOR) && !layout.keeps(OUTPUT_VALUE) {
         return;
     }
-    surface::outputs(seen.frame, &surface.hit, ray, &mut |name, color, value| {
-        if let Some(key) = layout.key_of(OUTPUT_COLOR, name) {
-            extra.add_to(OUTPUT_COLOR, key, iteration, &color.extend(1.0).to_array());
-        }
-        if let Some(key) = layout.key_of(OUTPUT_VALUE, name) {
-            extra.add_to(OUTPUT_VALUE, key, iteration, &[value]);
-        }
-    });
+    surface::outputs(
+        seen.frame,
+        &surface.hit,
+        ray,
+        seen.info,
+        &mut |name, color, value| {
+            if let Some(key) = layout.key_of(OUTPUT_COLOR, name) {
+                extra.add_to(OUTPUT_COLOR, key, iteration, &color.extend(1.0).to_array());
+            }
+            if let Some(key) = layout.key_of(OUTPUT_VALUE, name) {
+                extra.add_to(OUTPUT_VALUE, key, iteration, &[value]);
+            }
+        },
+    );
 }
 
 /// Diffuse, glossy, transmission; each straight from its source, by way of other surfaces, and the

@@ -13,12 +13,13 @@ use crate::accel::{Accel, Hit};
 use crate::contract::Settings;
 use crate::math::Ray;
 use crate::media::{Flight, Media};
+use crate::neighbourhood::Neighbourhood;
 use crate::sampling::{
     Bsdf, LightSample, LightSampler, LobePdfs, LobeValues, Part, Receiver, Sampler, Strategy,
     alpha_of,
 };
 use crate::scene::{Links, Membership, SceneFrame};
-use crate::shader::{RayInfo, RayKind};
+use crate::shader::{Around, RayInfo, RayKind};
 use crate::surface::{self, Passage, Surface};
 
 /// Bounces before Russian roulette may end a path; Cycles begins there too.
@@ -95,22 +96,23 @@ impl Bounces {
     }
 
     /// What the Light Path node tells of the ray that follows.
-    fn ray_info(&self) -> RayInfo {
+    pub fn ray_info<'a>(&self, around: Option<&'a dyn Around>) -> RayInfo<'a> {
         RayInfo {
             kind: self.kind(),
             depth: self.total,
             diffuse_depth: self.diffuse,
             glossy_depth: self.glossy,
             transmission_depth: self.transmission,
+            around,
             ..RayInfo::default()
         }
     }
 
     /// The same of a ray that looks for a light.
-    pub fn shadow_info(&self) -> RayInfo {
+    pub fn shadow_info(&self) -> RayInfo<'static> {
         RayInfo {
             kind: RayKind::Shadow,
-            ..self.ray_info()
+            ..self.ray_info(None)
         }
     }
 
@@ -449,7 +451,8 @@ impl<'a> Tracer<'a> {
     /// The surface that a ray meets first, as if there were no media.
     fn meet(&self, ray: &Ray, bounces: &Bounces, sampler: &Sampler) -> (Option<Surface>, Passed) {
         count_ray();
-        let info = bounces.ray_info();
+        let around = self.around(ray, bounces, sampler);
+        let info = bounces.ray_info(Some(&around));
         let at = |hit: &Hit| surface::at(self.frame, hit, ray, &info);
         let mut passed = Passed::default();
         if self.see_through.is_empty() {
@@ -550,17 +553,33 @@ impl<'a> Tracer<'a> {
     }
 
     /// Mean share of a camera ray's light that a surface does not let through.
-    pub fn opacity(&self, hit: &Hit, ray: &Ray) -> f32 {
+    pub fn opacity(&self, hit: &Hit, ray: &Ray, info: &RayInfo) -> f32 {
         if self.see_through.get(hit.instance as usize) != Some(&true) {
             return 1.0;
         }
-        let share = Passage::at(self.frame, hit, ray, &RayInfo::default()).share;
+        let share = Passage::at(self.frame, hit, ray, info).share;
         1.0 - share.element_sum() / 3.0
     }
 
     /// The surface that a camera ray meets at a hit.
-    pub fn surface_at(&self, hit: &Hit, ray: &Ray) -> Surface {
-        surface::at(self.frame, hit, ray, &RayInfo::default())
+    pub fn surface_at(&self, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
+        surface::at(self.frame, hit, ray, info)
+    }
+
+    /// What is around where a ray arrives after the events `bounces`.
+    pub fn around<'b>(
+        &'b self,
+        ray: &Ray,
+        bounces: &Bounces,
+        sampler: &'b Sampler,
+    ) -> Neighbourhood<'b> {
+        Neighbourhood {
+            frame: self.frame,
+            accel: self.accel,
+            sampler,
+            vertex: bounces.total,
+            time: ray.time,
+        }
     }
 
     /// Radiance that a surface reflects: `f cos` times light over all directions, by one light
@@ -605,7 +624,7 @@ impl<'a> Tracer<'a> {
         };
         let exit = below.walk(surface.ray_into(direction), &mut numbers, meet)?;
         let weight = below.weight * exit.carried;
-        let outside = surface::exit(self.frame, &exit.hit, &exit.ray, &from.ray_info());
+        let outside = surface::exit(self.frame, &exit.hit, &exit.ray, &from.ray_info(None));
         let throughput = throughput * weight.max_element();
         let reflected = self.reflected(&outside, from, throughput, sampler);
         Some(reflected.tinted(weight))
@@ -714,7 +733,9 @@ impl<'a> Tracer<'a> {
         let is_plain = !self.lights.can_be_met() && self.media.is_empty();
         if last && !from.wants_distance && is_plain {
             // Only whether the ray leaves the scene matters now.
-            let share = self.unblocked_share(ray, &from.bounces.ray_info(), Links::default());
+            let around = self.around(ray, &from.bounces, sampler);
+            let info = from.bounces.ray_info(Some(&around));
+            let share = self.unblocked_share(ray, &info, Links::default());
             let mut gathered = Gathered {
                 distance: f32::INFINITY,
                 ..Gathered::default()

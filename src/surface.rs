@@ -127,6 +127,19 @@ fn facing(normal: Vec3A, direction: Vec3A) -> Vec3A {
     }
 }
 
+/// [`Surface::clearance`] of a point.
+fn clearance_of(point: &Point) -> f32 {
+    let [one, other] = point.edges.map(Vec3A::abs);
+    CLEARANCE * one.max(other).max_element()
+}
+
+/// A ray from a point that does not meet its triangle at once.
+pub fn ray_off(point: &Point, direction: Vec3A) -> Ray {
+    let out = facing(point.geometric_normal, direction);
+    let origin = offset_origin(point.position + clearance_of(point) * out, out);
+    Ray::new(origin, direction)
+}
+
 /// The surface that `ray` meets at `hit`.
 #[inline]
 pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
@@ -141,7 +154,6 @@ pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
 /// A surface that scatters nothing yet.
 #[inline(always)]
 fn bare(frame: &SceneFrame, hit: &Hit, point: &Point, time: f32) -> Surface {
-    let [one, other] = point.edges.map(Vec3A::abs);
     Surface {
         hit: *hit,
         position: point.position,
@@ -156,11 +168,11 @@ fn bare(frame: &SceneFrame, hit: &Hit, point: &Point, time: f32) -> Surface {
         is_medium: false,
         distance: hit.t,
         time,
-        clearance: CLEARANCE * one.max(other).max_element(),
+        clearance: clearance_of(point),
     }
 }
 
-fn point_of<'a>(facet: &'a Facet<'a>, hit: &Hit, ray: &Ray, info: &'a RayInfo) -> Point<'a> {
+fn point_of<'a>(facet: &'a Facet<'a>, hit: &Hit, ray: &Ray, info: &'a RayInfo<'a>) -> Point<'a> {
     let ray_length = hit.t * ray.direction.length();
     facet.point(Vec2::new(hit.u, hit.v), ray.direction, ray_length, info)
 }
@@ -370,14 +382,19 @@ fn bumped_normal(frame: &SceneFrame, hit: &Hit, point: &Point) -> Vec3A {
 }
 
 /// Hands over what passes of the user's own show of a camera ray's hit: name, colour and number.
-pub fn outputs(frame: &SceneFrame, hit: &Hit, ray: &Ray, emit: &mut dyn FnMut(u32, Vec3A, f32)) {
+pub fn outputs(
+    frame: &SceneFrame,
+    hit: &Hit,
+    ray: &Ray,
+    info: &RayInfo,
+    emit: &mut dyn FnMut(u32, Vec3A, f32),
+) {
     let material = frame.material_of(hit.instance, hit.triangle);
     let Some(material) = material.filter(|material| !material.output.is_empty()) else {
         return;
     };
     let facet = Facet::new(frame, hit.instance, hit.triangle, ray.time);
-    let info = RayInfo::default();
-    let point = point_of(&facet, hit, ray, &info);
+    let point = point_of(&facet, hit, ray, info);
     material.output.run(&point, &frame.images, &mut |closure| {
         if let Closure::Output { name, color, value } = *closure {
             emit(name, color, value);

@@ -17,6 +17,7 @@ const LAYERS: &[&[&str]] = &[
         "media",
         "subsurface",
         "surface",
+        "neighbourhood",
         "path",
         "passes",
     ],

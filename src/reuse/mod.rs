@@ -26,7 +26,7 @@ use crate::path::{Bounces, Divided, Passed, Reflected, Tracer, take_rays};
 use crate::progress::Progress;
 use crate::sampling::{Sampler, ShutterTimes, Strategy};
 use crate::scene::FrameWindow;
-use crate::shader::RayKind;
+use crate::shader::{Around, RayInfo, RayKind};
 use crate::surface::Surface;
 
 /// One frame, ready to trace.
@@ -202,7 +202,7 @@ impl View<'_> {
     }
 
     /// The surface that passes of what is seen show.
-    fn shown<'a>(&self, shot: &'a Shot) -> Shown<'a> {
+    fn shown<'a>(&self, shot: &'a Shot, info: &RayInfo) -> Shown<'a> {
         let (Some(ray), false) = (&shot.ray, shot.is_hole) else {
             return Shown::default();
         };
@@ -210,12 +210,13 @@ impl View<'_> {
         let first = shot.passed.first_of(threshold);
         let last = || shot.passed.last().filter(|_| shot.surface.is_none());
         let end = shot.surface.as_ref().filter(|s| !s.is_medium);
-        let is_end_dense = || end.is_some_and(|end| tracer.opacity(&end.hit, ray) >= threshold);
+        let is_end_dense =
+            || end.is_some_and(|end| tracer.opacity(&end.hit, ray, info) >= threshold);
         Shown {
             is_dense: first.is_some() || is_end_dense(),
             passed: first
                 .or_else(last)
-                .map(|hit| Box::new(tracer.surface_at(hit, ray))),
+                .map(|hit| Box::new(tracer.surface_at(hit, ray, info))),
             end,
         }
     }
@@ -282,7 +283,13 @@ impl View<'_> {
     /// Adds what the camera sees along the ray of an iteration to its pixel and to the passes, but for
     /// light that the surface reflects; returns it.
     pub fn see(&self, shot: &Shot, iteration: u32, pixel: &mut Pixel) -> Sight {
-        let shown = self.shown(shot);
+        let start = Bounces::default();
+        let around = shot
+            .ray
+            .as_ref()
+            .map(|ray| self.tracer.around(ray, &start, &shot.sampler));
+        let info = start.ray_info(around.as_ref().map(|around| around as &dyn Around));
+        let shown = self.shown(shot, &info);
         let sight = self.look(shot, &shown);
         pixel.sums.add_sighting(iteration, &sight.seen);
         pixel.sums.add_radiance(sight.radiance());
@@ -295,6 +302,7 @@ impl View<'_> {
                 region: self.region,
                 surface: shot.surface.as_ref().filter(|s| !s.is_medium),
                 shown: &shown,
+                info: &info,
                 ray: shot.ray.as_ref(),
                 share: sight.share,
             };

@@ -176,6 +176,13 @@ impl Sampler {
         self.point(surface, Use::Transparency)[0]
     }
 
+    /// Where the directions begin in which a program looks around: numbers of a surface that no ray
+    /// meets.
+    pub fn around(&self, vertex: u32) -> [f32; 2] {
+        let [x, y, ..] = self.point(!vertex, Use::Transparency);
+        [x, y]
+    }
+
     fn point(&self, vertex: u32, purpose: Use) -> [f32; 4] {
         let set = vertex.wrapping_mul(USES_PER_VERTEX) + purpose as u32;
         point_4d(self.index, mix(self.seed ^ set.wrapping_mul(0x9e37_79b9)))

@@ -67,7 +67,7 @@ impl<'a> Facet<'a> {
         barycentric: Vec2,
         direction: Vec3A,
         ray_length: f32,
-        ray: &'a RayInfo,
+        ray: &'a RayInfo<'a>,
     ) -> Point<'a> {
         let placement = &*self.placement;
         let corners = self.mesh.corners_at(self.triangle, self.time);

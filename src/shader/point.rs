@@ -56,9 +56,16 @@ pub enum RayKind {
     Shadow,
 }
 
+/// What programs may ask of the things around a point.
+pub trait Around {
+    /// Share of the directions about a unit normal at a point, weighted by their cosine, in which
+    /// nothing lies within a distance [m]; estimated by `count` of them.
+    fn openness(&self, point: &Point, normal: Vec3A, distance: f32, count: u32) -> f32;
+}
+
 /// What the Light Path node tells of the ray that arrives.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct RayInfo {
+#[derive(Clone, Copy, Default)]
+pub struct RayInfo<'a> {
     /// What it comes from.
     pub kind: RayKind,
     /// Whether the last surface was a perfect mirror or pane.
@@ -73,9 +80,12 @@ pub struct RayInfo {
     pub transmission_depth: u32,
     /// Transparent surfaces passed.
     pub transparent_depth: u32,
+    /// What is around where it arrives. None for shadow rays, as in Cycles, and where lights are
+    /// sampled, which is why surfaces that shine by it are not.
+    pub around: Option<&'a dyn Around>,
 }
 
-impl RayInfo {
+impl RayInfo<'_> {
     /// Whether it was scattered to the side that it came from.
     pub fn is_reflection(&self) -> bool {
         matches!(self.kind, RayKind::Diffuse | RayKind::Glossy)
@@ -119,7 +129,7 @@ pub struct Point<'a> {
     /// The camera.
     pub view: &'a dyn View,
     /// The ray that arrives.
-    pub ray: &'a RayInfo,
+    pub ray: &'a RayInfo<'a>,
 }
 
 /// Side of a pixel's footprint per metre of the ray, at which bump mapping takes its differences: a
@@ -196,7 +206,7 @@ impl Point<'static> {
             index: 0.0,
             random: 0.0,
         };
-        const RAY: RayInfo = RayInfo {
+        const RAY: RayInfo<'static> = RayInfo {
             kind: RayKind::Camera,
             is_singular: false,
             depth: 0,
@@ -204,6 +214,7 @@ impl Point<'static> {
             glossy_depth: 0,
             transmission_depth: 0,
             transparent_depth: 0,
+            around: None,
         };
         Self {
             position: Vec3A::ZERO,

@@ -6,7 +6,9 @@ use std::sync::Arc;
 use glam::{Vec3A, Vec4};
 
 use super::closure::Closure;
-use super::operation::{Args, FIRST_CONSTANT, MODE_LISTS, OPERATIONS, Operation, Parameter, Run};
+use super::operation::{
+    AROUND, Args, FIRST_CONSTANT, MODE_LISTS, OPERATIONS, Operation, Parameter, Run,
+};
 use super::ops::TABLE_SIZE;
 use super::point::Point;
 use crate::error::{Error, Result};
@@ -83,6 +85,7 @@ pub struct Program {
     tables: Arc<[Vec4]>,
     registers: usize,
     has_variations: bool,
+    asks_around: bool,
 }
 
 /// Programs that need no more registers than this find them on the stack, cleared at once.
@@ -99,6 +102,11 @@ impl Program {
     /// Whether it does the same everywhere.
     pub fn is_uniform(&self) -> bool {
         self.registers == 0
+    }
+
+    /// Whether what it does depends on the things around.
+    pub fn asks_around(&self) -> bool {
+        self.asks_around
     }
 
     /// Runs it at a point and hands over the closures in their order.
@@ -377,6 +385,7 @@ impl Draft {
             }
             program.has_variations |=
                 instruction.variation != 0 || instruction.operation.name == "bump";
+            program.asks_around |= instruction.operation.name == AROUND;
             program.steps.push(Step {
                 act: self.act_of(instruction),
                 first_operand,

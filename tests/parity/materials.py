@@ -116,6 +116,14 @@ def value_in(stage: Stage, kind: str, out: int | str = 0, **values: Any) -> None
     finish(stage, tree, add_node(tree, "ShaderNodeBsdfDiffuse", Color=node.outputs[out]))
 
 
+def occlusion_in(stage: Stage, socket: str, strength: float = 0.0, **values: Any) -> None:
+    """What is near, as the colour or the light of a surface."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    node = add_node(tree, "ShaderNodeAmbientOcclusion", **values)
+    inputs = {socket: node.outputs["Color"], "Emission Strength": strength}
+    finish(stage, tree, add_node(tree, PRINCIPLED, **inputs))
+
+
 def on_image(stage: Stage, kind: str, socket: str = "Color", out: int = 0, **values: Any) -> None:
     """A node that changes the colours of an image."""
     tree = node_tree(bpy.data.materials.new("Row"))
@@ -213,6 +221,9 @@ TEXTURES = table(
     ("Object Info, Location", value_in, {"kind": "ShaderNodeObjectInfo", "out": "Location"}),
     ("Camera Data", value_in, {"kind": "ShaderNodeCameraData", "out": "View Vector"}),
     ("Blackbody", value_in, {"kind": "ShaderNodeBlackbody", "Temperature": 3000.0}),
+    ("Ambient Occlusion", occlusion_in, {"socket": "Base Color", "Color": ORANGE}),
+    ("Ambient Occlusion, inside", occlusion_in, {"socket": "Base Color", "inside": True, "Distance": 0.5}),
+    ("Ambient Occlusion, emission", occlusion_in, {"socket": "Emission Color", "strength": 1.0, "Distance": 2.0}),
     ("Wireframe", value_in, {"kind": "ShaderNodeWireframe", "Size": 0.1}),
     ("Hue/Saturation", on_image, {"kind": "ShaderNodeHueSaturation", "Hue": 0.7, "Saturation": 0.5}),
     ("Gamma", on_image, {"kind": "ShaderNodeGamma", "Gamma": 2.0}),

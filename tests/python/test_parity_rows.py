@@ -23,6 +23,8 @@ NAMES = (
     "visibility: collection, holdout",
     "film: transparent glass, rough",
     "shader: Toon",
+    "texture: Ambient Occlusion",
+    "texture: Ambient Occlusion, emission",
     "shader: Toon, glossy",
     "geometry: hair curves, 3D",
     "geometry: point cloud",

@@ -137,6 +137,18 @@ def ies(compiler: Compiler, source: Source) -> Operand:
     return compiler.times(found, strength)
 
 
+def ambient_occlusion(compiler: Compiler, source: Source) -> Operand:
+    """The Ambient Occlusion node."""
+    node = source.node
+    if node.only_local:
+        compiler.missing("Only Local of Ambient Occlusion", "all things count")
+    rule = Rule("ambient_occlusion", ("inside",))
+    share = rule(compiler, source)
+    if source.output.identifier == "AO":
+        return share
+    return compiler.times(compiler.input(source, "Color"), share)
+
+
 def texture_coordinate(compiler: Compiler, source: Source) -> Operand:
     """The Texture Coordinate node."""
     node, output = source.node, source.output.identifier
@@ -306,6 +318,7 @@ def object_info(compiler: Compiler, source: Source) -> Operand:
 VORONOI_HASH = "=PCG" if bpy.app.version >= (5, 0, 0) else "=LOOKUP3"
 
 NODES: dict[str, Callable[[Compiler, Source], Operand]] = {
+    "ShaderNodeAmbientOcclusion": ambient_occlusion,
     "ShaderNodeAttribute": attribute,
     "ShaderNodeBlackbody": Rule("blackbody"),
     "ShaderNodeBrightContrast": Rule("bright_contrast"),

@@ -12,6 +12,7 @@ Volume = Callable[[Compiler, Source, Operand], None]
 
 # Operations that read where they are; what they compute is not the same all over a body.
 UNEVEN = (
+    "ambient_occlusion",
     "attribute",
     "camera_data",
     "coordinate",

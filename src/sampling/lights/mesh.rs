@@ -73,7 +73,8 @@ enum Glow {
 
 impl Glow {
     fn of(material: &Material) -> Self {
-        if !material.is_emissive() {
+        // What depends on the things around is known only where a ray arrives.
+        if !material.is_emissive() || material.emission.asks_around() {
             return Glow::Dark;
         }
         if !material.emission.is_uniform() {

@@ -169,6 +169,8 @@ pub struct LightSampler {
     small_sky: Option<Arc<SmallSky>>,
     /// Glowing instances, in rising order; their lights come last in `lights`.
     glowing: Vec<u32>,
+    /// Whether something glows that only rays find.
+    has_unsampled: bool,
     choice: Choice,
     /// Where there are too many lamps to ask each whether a ray meets it.
     lamp_finder: Option<LampFinder>,
@@ -218,6 +220,7 @@ impl LightSampler {
             sky: sky_index,
             small_sky: None,
             glowing,
+            has_unsampled: frame.materials.iter().any(|m| m.emission.asks_around()),
             world: frame.world.clone(),
             image_tables,
         }
@@ -253,7 +256,7 @@ impl LightSampler {
 
     /// Whether a ray can run into a light other than the surroundings.
     pub fn can_be_met(&self) -> bool {
-        self.lamps > 0 || !self.glowing.is_empty()
+        self.lamps > 0 || !self.glowing.is_empty() || self.has_unsampled
     }
 
     /// Lights and directions to them from a point. Their contributions add up.

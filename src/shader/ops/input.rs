@@ -71,6 +71,19 @@ pub fn camera_data(a: &Args) -> Vec3A {
     }
 }
 
+/// Share of directions in which nothing is near, outside or inside of the surface.
+pub fn ambient_occlusion(a: &Args) -> Vec3A {
+    let p = a.point;
+    let (distance, count) = (a.float(0), a.float(2) as u32);
+    let normal = a.vector(1).try_normalize().unwrap_or(p.normal);
+    let normal = if a.is_on(0) { -normal } else { normal };
+    let open = match p.ray.around {
+        Some(around) if distance > 0.0 && count > 0 => around.openness(p, normal, distance, count),
+        _ => 1.0,
+    };
+    Vec3A::splat(open)
+}
+
 /// One on the edges of triangles, which are as wide as the operand says [m]: a half on each side.
 pub fn wireframe(a: &Args) -> Vec3A {
     let [e, f] = a.point.edges;
