@@ -263,8 +263,7 @@ impl DualCone {
         let records = (2 * self.half_block + 1).pow(2);
         let samples = history.lending.len() as f32 * PILOT_ITERATIONS as f32;
         let rays = history.pilot_rays as f32 / samples;
-        let together = borrow.sharing.view().tracer.settings.frames_together;
-        Costs::new(records, borrow.sharing.lenders.len(), rays, together)
+        Costs::new(records, borrow.sharing.lenders.len(), rays)
     }
 }
 

@@ -3,11 +3,14 @@
 //! each time the iterations have doubled, those pixels say whether path tracing has overtaken: its
 //! stratified samples may converge faster than shared ones.
 //!
-//! With V the variance of a pixel and c its cost, the way with the least V c is the best one. Variances
-//! are those of two runs, relative to the tile's brightness and not clamped: clamped ones make noisy
-//! tiles look alike, and to borrow too little is far dearer than to borrow too much. So a tile turns
-//! away from what it does only where that gains more than twice the gain's standard error. Costs
-//! are counted, not clocked, so that a picture does not depend on the machine.
+//! With V the variance of a pixel and c its cost, the way with the least work-normalised variance V c
+//! (Glynn and Whitt 1992) is the best one. Variances are those of two runs, relative to the tile's
+//! brightness and not clamped: clamped ones make noisy tiles look alike. Costs are counted, not
+//! clocked, so that a picture does not depend on the machine.
+//!
+//! A tile has few observations, of which a spike may be worth all the others. So it is taken for the
+//! mean of the frame as far as it knows little of itself (Efron and Morris 1975): indoors a tile with
+//! spikes goes on borrowing, where borrowing pays nowhere it is left even for a small gain.
 //!
 //! The decision is smooth: gains are averaged over neighbouring tiles and interpolated, and every way
 //! renders the same light, so that no seams show.
@@ -29,14 +32,14 @@ const SPACING: usize = 4;
 /// What a ray costs with the shading where it ends, in borrowed records.
 const RECORDS_PER_RAY: f32 = 160.0;
 /// What borrowing costs a pixel beside its records, what it lends included.
-const RECORDS_PER_BLOCK: f32 = 40.0;
+const RECORDS_PER_BLOCK: f32 = 90.0;
 /// Share of a sample's cost that it has in a frame which only lends: light samples are left out.
 const LENT_SAMPLE: f32 = 0.65;
-/// Standard errors by which another way must gain after the pilot iterations, whose two samples say
-/// little.
-const PILOT_SURE: f64 = 2.0;
-/// The same later.
-const SURE: f64 = 1.0;
+/// Frames rendered together, of which the first and the last borrow from others. It is the setting's
+/// default: a choice that followed the setting would change the picture.
+const TOGETHER: f32 = 8.0;
+/// Observations for which the mean of the frame counts in a tile.
+const PRIOR: f64 = 8.0;
 /// Added to a squared luminance, so that dark pixels do not rule.
 const DARK: f32 = 0.01;
 
@@ -118,11 +121,10 @@ pub struct Costs {
 
 impl Costs {
     /// `records` are those of a block in one of `lenders` frames, `rays` those that a sample takes.
-    /// Frames are rendered `together`, and the first and the last of them borrow from others.
-    pub fn new(records: usize, lenders: usize, rays: f32, together: u32) -> Self {
+    pub fn new(records: usize, lenders: usize, rays: f32) -> Self {
         let cost =
             |records: usize| 1.0 + (records as f32 + RECORDS_PER_BLOCK) / (rays * RECORDS_PER_RAY);
-        let lent = lenders.saturating_sub(1) as f32 / together as f32;
+        let lent = lenders.saturating_sub(1) as f32 / TOGETHER;
         Self {
             window: cost(records * lenders) + LENT_SAMPLE * lent,
             frame: cost(records),
@@ -146,52 +148,72 @@ struct Trial {
     lending: Lending,
 }
 
-/// What a tile's pixels gain by another way.
+/// V c of a tile's pixels by the way that was chosen and by another one.
 #[derive(Debug, Clone, Copy, Default)]
-struct Gain {
-    count: f64,
-    sum: f64,
+struct Comparison {
+    chosen: f64,
+    other: f64,
+    /// Sum of the squares of both together.
     squares: f64,
 }
 
-impl Gain {
-    fn add(&mut self, gain: f32) {
-        let gain = f64::from(gain);
-        self.count += 1.0;
-        self.sum += gain;
-        self.squares += gain * gain;
+impl Comparison {
+    fn add(&mut self, chosen: f32, other: f32) {
+        let (chosen, other) = (f64::from(chosen), f64::from(other));
+        self.chosen += chosen;
+        self.other += other;
+        self.squares += (chosen + other).powi(2);
     }
 
-    fn and(self, other: &Self) -> Self {
+    fn and(self, more: &Self) -> Self {
         Self {
-            count: self.count + other.count,
-            sum: self.sum + other.sum,
-            squares: self.squares + other.squares,
+            chosen: self.chosen + more.chosen,
+            other: self.other + more.other,
+            squares: self.squares + more.squares,
         }
     }
 
-    /// The mean, less what chance may have added.
-    fn sure(&self, errors: f64) -> f32 {
-        let count = self.count.max(1.0);
-        let mean = self.sum / count;
-        let variance = (self.squares / count - mean * mean).max(0.0);
-        (mean - errors * (variance / count).sqrt()) as f32
+    /// As many equal observations say as much as these (Kish 1965).
+    fn observations(&self) -> f64 {
+        if self.squares > 0.0 {
+            (self.chosen + self.other).powi(2) / self.squares
+        } else {
+            0.0
+        }
+    }
+
+    /// Part of the chosen way in the sum of both, a half where they are equally good, times the
+    /// observations.
+    fn weighted_part(&self) -> f64 {
+        let sum = self.chosen + self.other;
+        if sum > 0.0 {
+            self.chosen / sum * self.observations()
+        } else {
+            0.0
+        }
     }
 }
 
+/// Mean part of the chosen way over all tiles; nothing of darkness.
+fn mean_part<'a>(comparisons: impl Iterator<Item = &'a Comparison> + Clone) -> f64 {
+    let observations: f64 = comparisons.clone().map(Comparison::observations).sum();
+    let parts: f64 = comparisons.map(Comparison::weighted_part).sum();
+    parts / observations.max(1.0)
+}
+
 impl Trial {
-    /// V c of the way that was chosen less that of the frame and of the pixel alone, over the squared
+    /// V c of the way that was chosen, of the frame and of the pixel alone, over the squared
     /// brightness.
-    fn gains(&self, brightness: f32, costs: Costs) -> [f32; 2] {
+    fn work_normalized(&self, brightness: f32, costs: Costs) -> [f32; 3] {
         let scale = 0.5 / (brightness * brightness + DARK);
         let variance = |value: fn(&Ways) -> f32| {
             let difference = value(&self.runs[0]) - value(&self.runs[1]);
             difference * difference * scale
         };
-        let chosen = variance(|run| run.chosen) * costs.of(self.lending);
         [
-            chosen - variance(|run| run.frame) * costs.frame,
-            chosen - variance(|run| run.alone),
+            variance(|run| run.chosen) * costs.of(self.lending),
+            variance(|run| run.frame) * costs.frame,
+            variance(|run| run.alone),
         ]
     }
 }
@@ -208,30 +230,42 @@ fn brightness(region: Region, trials: &[Trial]) -> Tiles<f32> {
     sums.map(|[sum, count]| sum / count)
 }
 
-/// What each tile gains by the frame and by the pixel alone, as far as that is sure, over 3 x 3 tiles.
-fn sure_gains(region: Region, trials: &[Trial], costs: Costs, errors: f64) -> Tiles<[f32; 2]> {
+/// How much of its work each tile wastes that does not turn to the frame or to the pixel alone, over
+/// 3 x 3 tiles (Eq. D6).
+fn waste(region: Region, trials: &[Trial], costs: Costs) -> Tiles<[f32; 2]> {
     let brightness = brightness(region, trials);
-    let mut tiles = Tiles::<[Gain; 2]>::new(region);
+    let mut tiles = Tiles::<[Comparison; 2]>::new(region);
     for trial in trials {
         let tile = tiles.of(trial.pixel);
-        let gains = trial.gains(brightness.get(tile), costs);
-        let sums = tiles.get_mut(tile).iter_mut();
-        sums.zip(gains).for_each(|(sum, gain)| sum.add(gain));
+        let [chosen, frame, alone] = trial.work_normalized(brightness.get(tile), costs);
+        let [by_frame, by_alone] = tiles.get_mut(tile);
+        if trial.lending == Lending::Window {
+            by_frame.add(chosen, frame);
+        }
+        by_alone.add(chosen, alone);
     }
+    let each = tiles.values().iter();
+    let prior = [0, 1].map(|way| PRIOR * mean_part(each.clone().map(|tile| &tile[way])));
     tiles.around(|around| {
-        let sum = around.reduce(|[a, b], [c, d]| [a.and(&c), b.and(&d)]);
-        sum.unwrap_or_default().map(|gain| gain.sure(errors))
+        let add = |sum: [Comparison; 2], more: [Comparison; 2]| {
+            [sum[0].and(&more[0]), sum[1].and(&more[1])]
+        };
+        let sum = around.reduce(add).unwrap_or_default();
+        [0, 1].map(|way| {
+            let known = sum[way].weighted_part() + prior[way];
+            (known / (sum[way].observations() + PRIOR) - 0.5) as f32
+        })
     })
 }
 
-/// Pixels that surely gain by it borrow from less.
-fn turn_away(region: Region, trials: &[Trial], costs: Costs, errors: f64, lending: &mut [Lending]) {
-    let gains = sure_gains(region, trials, costs, errors);
+/// Pixels that gain by it borrow from less.
+fn turn_away(region: Region, trials: &[Trial], costs: Costs, lending: &mut [Lending]) {
+    let waste = waste(region, trials, costs);
     lending
         .par_iter_mut()
         .enumerate()
         .for_each(|(pixel, lending)| {
-            *lending = match (gains.at_pixel(pixel), *lending) {
+            *lending = match (waste.at_pixel(pixel), *lending) {
                 ([frame, alone], _) if alone > 0.0 && alone >= frame => Lending::None,
                 ([frame, _], Lending::Window) if frame > 0.0 => Lending::Frame,
                 (_, same) => same,
@@ -299,7 +333,7 @@ impl Trials {
     }
 
     /// After the pilot iterations, and each time the iterations have doubled since, lets pixels borrow
-    /// from less that are surely better off so.
+    /// from less that are better off so.
     pub fn look(&mut self, film: &Film, iterations: u32, costs: Costs, lending: &mut [Lending]) {
         if !iterations.is_power_of_two() {
             return;
@@ -307,12 +341,7 @@ impl Trials {
         // The second half of the iterations has the probes of its last one.
         let probes = || probes(film.region, iterations - 1);
         let sums: Vec<Ways> = probes().map(|pixel| self.ways(film, pixel)).collect();
-        let errors = match iterations {
-            PILOT_ITERATIONS => Some(PILOT_SURE),
-            JUDGE_FROM.. => Some(SURE),
-            _ => None,
-        };
-        if let Some(errors) = errors {
+        if iterations == PILOT_ITERATIONS || iterations >= JUDGE_FROM {
             let scale = 2.0 / iterations as f32;
             let halves = sums.iter().zip(&self.halves);
             let trials = probes().zip(halves).map(|(pixel, (&sum, &first))| Trial {
@@ -321,7 +350,7 @@ impl Trials {
                 lending: lending[pixel],
             });
             let trials: Vec<Trial> = trials.filter(|t| t.lending.is_some()).collect();
-            turn_away(film.region, &trials, costs, errors, lending);
+            turn_away(film.region, &trials, costs, lending);
         }
         self.halves = sums;
     }
@@ -376,7 +405,7 @@ mod tests {
         };
         let trials: Vec<Trial> = probes(REGION, 0).map(trial).collect();
         let mut lending = vec![Lending::Window; SIDE * SIDE];
-        turn_away(REGION, &trials, costs, PILOT_SURE, &mut lending);
+        turn_away(REGION, &trials, costs, &mut lending);
         let mut shares = [[0.0; 3]; 2];
         for (index, way) in lending.iter().enumerate() {
             let half = usize::from(index % SIDE >= SIDE / 2);
@@ -386,7 +415,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tile_borrows_less_only_where_that_surely_gains() {
+    fn a_tile_borrows_less_only_where_that_gains() {
         let costs = Costs {
             window: 1.5,
             frame: 1.2,
@@ -396,7 +425,7 @@ mod tests {
         let [left, right] = shares([9.0, 1.0], [4.0, 1.0], costs);
         assert!(left[2] > 0.8 && left[0] < 0.1, "{left:?}");
         assert!(right[0] > 0.6 && right[2] < 0.1, "{right:?}");
-        // The frame is as good as the window; a small gain of the window is no sure loss.
+        // The frame is as good as the window; on the right the window is a little better than its cost.
         let [left, right] = shares([4.0, 1.6], [4.0, 1.0], costs);
         assert!(left[1] > 0.5 && right[2] > 0.9, "{left:?} {right:?}");
     }
@@ -407,9 +436,44 @@ mod tests {
         let film = Film::new(REGION, Layout::new([]).unwrap());
         let mut trials = Trials::new(REGION);
         for iterations in 1..=16 {
-            trials.look(&film, iterations, Costs::new(49, 3, 3.0, 8), &mut lending);
+            trials.look(&film, iterations, Costs::new(49, 3, 3.0), &mut lending);
         }
         assert!(lending.iter().all(|&way| way == Lending::Window));
+    }
+
+    /// In the left half's middle one spike by the chosen way is worth more than all its other light.
+    #[test]
+    fn a_spike_is_judged_by_the_rest_of_the_frame() {
+        let costs = Costs::new(49, 3, 3.0);
+        let spike = SIDE * SIDE / 2 + SIDE / 4;
+        for gain in [0.5, 4.0_f32] {
+            let run = |pixel: usize, sign: f32| {
+                let luminance = |scale: f32| 1.0 + sign * scale;
+                Ways {
+                    chosen: luminance(if pixel == spike {
+                        50.0
+                    } else {
+                        0.5 / gain.sqrt()
+                    }),
+                    frame: luminance(5.0),
+                    alone: luminance(0.5),
+                }
+            };
+            let trial = |pixel| Trial {
+                pixel,
+                runs: [run(pixel, 1.0), run(pixel, -1.0)],
+                lending: Lending::Window,
+            };
+            let trials: Vec<Trial> = probes(REGION, 0).map(trial).collect();
+            let mut lending = vec![Lending::Window; SIDE * SIDE];
+            turn_away(REGION, &trials, costs, &mut lending);
+            let expected = if gain > 1.0 {
+                Lending::Window
+            } else {
+                Lending::None
+            };
+            assert_eq!(lending[spike], expected, "{gain}");
+        }
     }
 
     /// Shared samples scatter alike on both halves. Those of path tracing scatter more on the left; on
@@ -420,7 +484,7 @@ mod tests {
         let mut film = Film::new(REGION, Layout::new([]).unwrap());
         let mut trials = Trials::new(REGION);
         let mut lending = vec![Lending::Frame; SIDE * SIDE];
-        let costs = Costs::new(49, 1, 3.0, 8);
+        let costs = Costs::new(49, 1, 3.0);
         for iteration in 0..16 {
             film.rows_mut()
                 .zip(trials.rows_mut())
