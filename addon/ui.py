@@ -342,6 +342,7 @@ class DUALCONE_PT_passes_data(PassesPanel, bpy.types.Panel):
         self.draw_switches(layout, context.view_layer, "Include", data)
         own = [p.source for p in passes.own_passes() if p.source not in passes.LIGHT]
         self.draw_switches(layout, context.view_layer, "DualCone", own)
+        layout.prop(context.view_layer, "pass_alpha_threshold", text="Alpha Threshold")
 
 
 class DUALCONE_PT_passes_light(PassesPanel, bpy.types.Panel):

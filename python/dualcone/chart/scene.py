@@ -115,10 +115,11 @@ class Scene:
 
     @property
     def settings(self) -> Settings:
-        """The light paths that the scene asks Cycles for, as settings of DualCone."""
+        """The light paths and the film that the scene asks Cycles for, as settings of DualCone."""
         scene: Any = bpy.context.scene
         names = (str(spec["name"]) for spec in dualcone.contract()["settings"])
-        shared = [n for n in names if n.endswith("_bounces") and hasattr(scene.cycles, n)]
+        names = (n for n in names if n.endswith("_bounces") or n.startswith("film_transparent_"))
+        shared = [name for name in names if hasattr(scene.cycles, name)]
         return {
             **{name: getattr(scene.cycles, name) for name in shared},
             "film_transparent": bool(scene.render.film_transparent),
