@@ -12,6 +12,7 @@ use crate::shader::{Attributes, Point, RayInfo};
 pub struct Facet<'a> {
     camera: &'a Camera,
     instance: &'a Instance,
+    number: Option<u32>,
     placement: Cow<'a, Placement>,
     mesh: &'a Mesh,
     triangle: u32,
@@ -33,13 +34,11 @@ impl<'a> Facet<'a> {
     /// The triangle of this number at a share of the shutter's time.
     pub fn new(frame: &'a SceneFrame, instance: u32, triangle: u32, time: f32) -> Self {
         let placed = &frame.instances[instance as usize];
-        Self::of(
-            &frame.camera,
-            placed,
-            frame.mesh_of(instance),
-            triangle,
-            time,
-        )
+        let (camera, mesh) = (&frame.camera, frame.mesh_of(instance));
+        Self {
+            number: Some(instance),
+            ..Self::of(camera, placed, mesh, triangle, time)
+        }
     }
 
     /// The triangle of this number of an instance that shows `mesh`.
@@ -53,6 +52,7 @@ impl<'a> Facet<'a> {
         Self {
             camera,
             instance,
+            number: None,
             placement: instance.placement_at(time),
             mesh,
             triangle,
@@ -101,6 +101,7 @@ impl<'a> Facet<'a> {
             world_from_object: &placement.world_from_object,
             object_from_world: &placement.object_from_world,
             object: &self.instance.info,
+            instance: self.number,
             attributes: self,
             view: self.camera,
             ray,

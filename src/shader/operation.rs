@@ -211,7 +211,7 @@ pub static OPERATIONS: &[Operation] = &[
     here("light_falloff", &["Strength", "Smooth"], Modes(&[&["Quadratic", "Linear", "Constant"]]), input::light_falloff),
     here("vector_transform", &["Vector"], Modes(&[&["POINT", "VECTOR", "NORMAL"], &["WORLD", "OBJECT", "CAMERA"], &["WORLD", "OBJECT", "CAMERA"]]), input::vector_transform),
     here("wireframe", &["Size"], None, input::wireframe),
-    here(AROUND, &["Distance", "Normal", "samples"], Modes(&[OFF_ON]), input::ambient_occlusion),
+    here(AROUND, &["Distance", "Normal", "samples"], Modes(&[OFF_ON, OFF_ON]), input::ambient_occlusion),
     here("fresnel", &["IOR", "Normal"], None, normal::fresnel),
     here("layer_weight", &["Blend", "Normal"], Modes(&[&["Fresnel", "Facing"]]), normal::layer_weight),
     here("normal_map", &["Strength", "Color", "Tangent", "Sign"], Modes(&[&["TANGENT", "OBJECT", "WORLD", "BLENDER_OBJECT", "BLENDER_WORLD"]]), normal::normal_map),

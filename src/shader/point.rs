@@ -59,8 +59,19 @@ pub enum RayKind {
 /// What programs may ask of the things around a point.
 pub trait Around {
     /// Share of the directions about a unit normal at a point, weighted by their cosine, in which
-    /// nothing lies within a distance [m]; estimated by `count` of them.
-    fn openness(&self, point: &Point, normal: Vec3A, distance: f32, count: u32) -> f32;
+    /// nothing lies.
+    fn openness(&self, point: &Point, normal: Vec3A, search: &Search) -> f32;
+}
+
+/// How a program looks for things around.
+#[derive(Debug, Clone, Copy)]
+pub struct Search {
+    /// How far [m].
+    pub distance: f32,
+    /// In how many directions.
+    pub count: u32,
+    /// Whether only the point's own instance counts.
+    pub is_local: bool,
 }
 
 /// What the Light Path node tells of the ray that arrives.
@@ -124,6 +135,8 @@ pub struct Point<'a> {
     pub object_from_world: &'a Affine3A,
     /// The object itself.
     pub object: &'a ObjectInfo,
+    /// Number of the instance, where programs may ask what is around.
+    pub instance: Option<u32>,
     /// Layers of the mesh at the triangle.
     pub attributes: &'a dyn Attributes,
     /// The camera.
@@ -229,6 +242,7 @@ impl Point<'static> {
             world_from_object: &Affine3A::IDENTITY,
             object_from_world: &Affine3A::IDENTITY,
             object: &OBJECT,
+            instance: None,
             attributes: &Bare,
             view: &Bare,
             ray: &RAY,

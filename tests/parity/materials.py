@@ -223,6 +223,7 @@ TEXTURES = table(
     ("Blackbody", value_in, {"kind": "ShaderNodeBlackbody", "Temperature": 3000.0}),
     ("Ambient Occlusion", occlusion_in, {"socket": "Base Color", "Color": ORANGE}),
     ("Ambient Occlusion, inside", occlusion_in, {"socket": "Base Color", "inside": True, "Distance": 0.5}),
+    ("Ambient Occlusion, only local", occlusion_in, {"socket": "Base Color", "only_local": True, "inside": True, "Distance": 1.0}),
     ("Ambient Occlusion, emission", occlusion_in, {"socket": "Emission Color", "strength": 1.0, "Distance": 2.0}),
     ("Wireframe", value_in, {"kind": "ShaderNodeWireframe", "Size": 0.1}),
     ("Hue/Saturation", on_image, {"kind": "ShaderNodeHueSaturation", "Hue": 0.7, "Saturation": 0.5}),

@@ -139,11 +139,7 @@ def ies(compiler: Compiler, source: Source) -> Operand:
 
 def ambient_occlusion(compiler: Compiler, source: Source) -> Operand:
     """The Ambient Occlusion node."""
-    node = source.node
-    if node.only_local:
-        compiler.missing("Only Local of Ambient Occlusion", "all things count")
-    rule = Rule("ambient_occlusion", ("inside",))
-    share = rule(compiler, source)
+    share = Rule("ambient_occlusion", ("inside", "only_local"))(compiler, source)
     if source.output.identifier == "AO":
         return share
     return compiler.times(compiler.input(source, "Color"), share)

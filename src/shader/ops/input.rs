@@ -3,7 +3,7 @@
 use glam::{Vec3A, Vec4};
 
 use super::super::operation::Args;
-use super::super::point::{Point, RayInfo, RayKind};
+use super::super::point::{Point, RayInfo, RayKind, Search};
 
 fn layer(a: &Args) -> Vec4 {
     a.point.attribute(a.parameter).unwrap_or_default()
@@ -71,14 +71,20 @@ pub fn camera_data(a: &Args) -> Vec3A {
     }
 }
 
-/// Share of directions in which nothing is near, outside or inside of the surface.
+/// Share of directions in which nothing is near. Modes: inside the surface; by its own object only.
 pub fn ambient_occlusion(a: &Args) -> Vec3A {
     let p = a.point;
-    let (distance, count) = (a.float(0), a.float(2) as u32);
+    let search = Search {
+        distance: a.float(0),
+        count: a.float(2) as u32,
+        is_local: a.is_on(1),
+    };
     let normal = a.vector(1).try_normalize().unwrap_or(p.normal);
     let normal = if a.is_on(0) { -normal } else { normal };
     let open = match p.ray.around {
-        Some(around) if distance > 0.0 && count > 0 => around.openness(p, normal, distance, count),
+        Some(around) if search.distance > 0.0 && search.count > 0 => {
+            around.openness(p, normal, &search)
+        }
         _ => 1.0,
     };
     Vec3A::splat(open)
