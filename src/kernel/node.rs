@@ -29,14 +29,6 @@ impl Boxes {
         }
     };
 
-    pub fn get(&self, slot: usize) -> Aabb {
-        let corner = |upper: usize| {
-            let [x, y, z] = [0, 2, 4].map(|plane| self.planes[plane + upper][slot]);
-            Vec3A::new(x, y, z)
-        };
-        Aabb::new(corner(0), corner(1))
-    }
-
     pub fn set(&mut self, slot: usize, bounds: &Aabb) {
         for axis in 0..3 {
             self.planes[2 * axis][slot] = bounds.min[axis];

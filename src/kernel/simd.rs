@@ -56,12 +56,18 @@ impl Packet {
 
     /// The box around its triangles, without lanes that are NaN.
     pub fn bounds(&self) -> Aabb {
-        let all = |axis: usize| self.vertices.iter().flat_map(move |vertex| vertex[axis]);
-        let lower = |axis| all(axis).fold(f32::INFINITY, f32::min);
-        let upper = |axis| all(axis).fold(f32::NEG_INFINITY, f32::max);
+        let [a, b, c] = &self.vertices;
+        let all = |axis: usize, outer: fn(f32, f32) -> f32| {
+            let of = |lane: usize| outer(outer(a[axis][lane], b[axis][lane]), c[axis][lane]);
+            outer(outer(of(0), of(1)), outer(of(2), of(3)))
+        };
+        let corner = |outer| Vec3A::new(all(0, outer), all(1, outer), all(2, outer));
+        let (lower, upper) = (corner(f32::min), corner(f32::max));
+        // Of NaN alone, an empty box.
+        let nothing = lower.is_nan_mask();
         Aabb::new(
-            Vec3A::new(lower(0), lower(1), lower(2)),
-            Vec3A::new(upper(0), upper(1), upper(2)),
+            Vec3A::select(nothing, Vec3A::INFINITY, lower),
+            Vec3A::select(nothing, Vec3A::NEG_INFINITY, upper),
         )
     }
 }

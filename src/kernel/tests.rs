@@ -5,7 +5,7 @@ use super::{
     InstanceBvh, Positions, TriangleBvh, TriangleHit,
     node::{Boxes, Node, WIDTH},
     shear::{Shear, exact_edges},
-    simd::{Job, Lanes, Portable, run_widest},
+    simd::{Job, LEAF_TRIANGLES, Lanes, Portable, run_widest},
     slabs::Slabs,
     stack::{Key, SLOT, Stack},
     triangles::{Any, Closest},
@@ -582,6 +582,21 @@ fn refitted_trees_have_the_hits_of_the_twin() {
     mesh.positions[7] = Vec3::splat(0.3);
     let risen = flattened.refitted(Positions::still(&mesh.positions), &mesh.triangles);
     assert_tree_twins(&risen, &mesh, &rays);
+
+    // A leaf of which nothing is left.
+    let mut dented = Mesh {
+        positions: mesh.positions.clone(),
+        triangles: mesh.triangles.clone(),
+    };
+    let leaf: Vec<u32> = bvh.leaf_triangles().take(LEAF_TRIANGLES).collect();
+    for &id in leaf.iter().filter(|id| **id != u32::MAX) {
+        for vertex in mesh.triangles[id as usize] {
+            dented.positions[vertex as usize] = Vec3::splat(0.3);
+        }
+    }
+    let dent = bvh.refitted(Positions::still(&dented.positions), &dented.triangles);
+    assert_eq!(shape(&dent), shape(&bvh));
+    assert_tree_twins(&dent, &dented, &rays);
 
     // Where the old tree would be bad, and where it lacks a triangle, there is a new one.
     let scattered = moved(&mut mesh, 2.0);

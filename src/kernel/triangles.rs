@@ -34,6 +34,8 @@ pub struct TriangleBvh {
     ends: Vec<Packet>,
     /// Of the tree as it was built.
     cost: f32,
+    /// Number of triangles in it.
+    members: usize,
 }
 
 /// Positions of vertices, which move evenly along straight lines.
@@ -65,20 +67,29 @@ impl<'a> Positions<'a> {
         triangle.map(|v| self.start[v as usize])
     }
 
-    /// Where they are at the end; the same for vertices that stand still.
-    fn end_corners(&self, triangle: [u32; 3]) -> [Vec3; 3] {
-        triangle.map(|v| self.end.unwrap_or(self.start)[v as usize])
+    /// Where they are at the end; None for vertices that stand still.
+    fn end_corners(&self, triangle: [u32; 3]) -> Option<[Vec3; 3]> {
+        let end = self.end?;
+        Some(triangle.map(|v| end[v as usize]))
     }
 
     /// Whether a triangle can be hit at some time.
     fn has_area(&self, triangle: [u32; 3]) -> bool {
-        let ends = [self.corners(triangle), self.end_corners(triangle)];
-        ends.as_flattened().iter().all(|corner| corner.is_finite()) && ends.iter().any(has_area)
+        let start = self.corners(triangle);
+        match self.end_corners(triangle) {
+            None => has_area(&start),
+            Some(end) => {
+                let are_finite = [start, end].as_flattened().iter().all(|c| c.is_finite());
+                are_finite && (has_area(&start) || has_area(&end))
+            }
+        }
     }
 
     fn bounds(&self, triangle: [u32; 3]) -> Aabb {
-        let ends = [self.corners(triangle), self.end_corners(triangle)].map(|c| c.map(Vec3A::from));
-        Aabb::from_points(ends.as_flattened())
+        let bounds = |corners: [Vec3; 3]| Aabb::from_points(&corners.map(Vec3A::from));
+        let start = bounds(self.corners(triangle));
+        let end = self.end_corners(triangle).map(bounds);
+        end.map_or(start, |end| start.union(&end))
     }
 }
 
@@ -112,6 +123,7 @@ impl TriangleBvh {
             tree,
             packets,
             ends,
+            members: ids.len(),
         }
     }
 
@@ -126,13 +138,6 @@ impl TriangleBvh {
     fn try_refit(&self, positions: Positions, triangles: &[[u32; 3]]) -> Option<Self> {
         let leaves: Vec<_> = self.packets.iter().map(|packet| packet.ids).collect();
         let (packets, ends) = packets(&leaves, &positions, triangles);
-        let has_area = |id: u32| positions.has_area(triangles[id as usize]);
-        let members = leaves.as_flattened().iter();
-        let held = members
-            .filter(|&&id| id != u32::MAX && has_area(id))
-            .count();
-        let ids = 0..triangles.len() as u32;
-        let all = ids.filter(|&id| has_area(id)).count();
         let mut tree = self.tree.clone()?;
         tree.refit(|leaf| {
             let leaf = leaf as usize;
@@ -140,12 +145,31 @@ impl TriangleBvh {
             ends.get(leaf)
                 .map_or(bounds, |end| bounds.union(&end.bounds()))
         });
-        (held == all && tree.cost() <= COST_GROWTH * self.cost).then_some(Self {
+        let is_good = tree.bounds().0.is_finite()
+            && self.holds_all(&positions, triangles)
+            && tree.cost() <= COST_GROWTH * self.cost;
+        is_good.then_some(Self {
             tree: Some(tree),
             packets,
             ends,
             cost: self.cost,
+            members: self.members,
         })
+    }
+
+    /// Whether all triangles that can be hit are in the tree.
+    fn holds_all(&self, positions: &Positions, triangles: &[[u32; 3]]) -> bool {
+        if self.members == triangles.len() {
+            return true;
+        }
+        let has_area = |id: &u32| positions.has_area(triangles[*id as usize]);
+        let all = (0..triangles.len() as u32).filter(has_area).count();
+        let members = self.packets.iter().flat_map(|packet| packet.ids);
+        members
+            .filter(|&id| id != u32::MAX)
+            .filter(has_area)
+            .count()
+            == all
     }
 
     /// The hit with the smallest `t` in `[t_min, t_max]`, of equal ones that of the smallest index.
@@ -305,17 +329,18 @@ fn packets(
     positions: &Positions,
     triangles: &[[u32; 3]],
 ) -> (Vec<Packet>, Vec<Packet>) {
-    let (mut starts, mut ends) = (pages::with_capacity(leaves.len()), Vec::new());
+    let room = |is_needed: bool| pages::with_capacity(if is_needed { leaves.len() } else { 0 });
+    let (mut starts, mut ends) = (room(true), room(positions.end.is_some()));
     for leaf in leaves {
         let (mut start, mut end) = (Packet::EMPTY, Packet::EMPTY);
         for (lane, &id) in leaf.iter().enumerate().filter(|(_, id)| **id != u32::MAX) {
             let triangle = triangles[id as usize];
-            let place = |corners: [Vec3; 3]| match positions.has_area(triangle) {
-                true => corners,
-                false => [Vec3::NAN; 3],
-            };
+            let has_area = positions.has_area(triangle);
+            let place = |corners| if has_area { corners } else { [Vec3::NAN; 3] };
             start.set(lane, id, place(positions.corners(triangle)));
-            end.set(lane, id, place(positions.end_corners(triangle)));
+            if let Some(corners) = positions.end_corners(triangle) {
+                end.set(lane, id, place(corners));
+            }
         }
         starts.push(start);
         if positions.end.is_some() {

@@ -101,10 +101,13 @@ impl WideTree {
     /// How many nodes and leaves a random ray through the bounds is expected to visit: the sum of
     /// the boxes' areas relative to that of the bounds.
     pub fn cost(&self) -> f32 {
-        let area = |node: &Node| -> f32 {
-            let met = (0..WIDTH).filter(|&slot| node.children[slot] != NO_CHILD);
-            met.map(|slot| node.boxes.get(slot).half_area()).sum()
+        // Slots without a child are empty, and so are leaves whose triangles have lost their area.
+        let area = |planes: &[[f32; WIDTH]; 6], slot: usize| {
+            let [x, y, z] = [0, 2, 4].map(|lower| planes[lower + 1][slot] - planes[lower][slot]);
+            if x >= 0.0 { x * y + y * z + z * x } else { 0.0 }
         };
+        let area =
+            |node: &Node| -> f32 { (0..WIDTH).map(|slot| area(&node.boxes.planes, slot)).sum() };
         let whole = Aabb::new(self.bounds.0, self.bounds.1).half_area();
         self.nodes.iter().map(area).sum::<f32>() / whole
     }
