@@ -20,6 +20,7 @@ IS_LONG = os.environ.get("DUALCONE_STABILITY") == "long"
 SIZE = (128, 72) if IS_LONG else (64, 36)
 REFERENCE_SAMPLES = 1024 if IS_LONG else 96  # of each half
 SAMPLES = 16
+PILOT = 2  # samples that Dual Cone shares everywhere
 SEEDS = (1, 2, 3, 4) if IS_LONG else (1, 2)
 BOUNCES = {"max_bounces": 4, "diffuse_bounces": 2, "glossy_bounces": 2}
 # The method under test. Another one shows that these tests can fail: see docs/stability.md.
@@ -46,6 +47,20 @@ class Stage:
     def pictures(self, method: dict[str, Any], samples: int = SAMPLES, **more: Any) -> Pictures:
         """Render all frames with every seed (seeds, frames, H, W, 3)."""
         return np.stack([self.picture(method, samples, seed, **more) for seed in SEEDS])
+
+    def shared(self, samples: int = SAMPLES) -> Pictures:
+        """The same by the method under test where every pixel borrows, whatever that gains.
+
+        Once it has rendered `PILOT` samples it may turn to path tracing, which hides what sharing
+        does wrong. So each picture is the mean of many of so few samples.
+        """
+        parts = samples // PILOT
+        return np.stack(
+            [
+                np.mean([self.picture(METHOD, PILOT, parts * s + k) for k in range(parts)], axis=0)
+                for s in SEEDS
+            ]
+        )
 
     def error(self, method: dict[str, Any], **more: Any) -> float:
         """Mean relMSE over the seeds."""

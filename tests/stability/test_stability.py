@@ -22,7 +22,7 @@ def told(**values: float) -> None:
 
 @on("stage", [(scenes.contact, (1,))], indirect=True)
 def test_contact_shadows_keep_their_light(stage: Stage) -> None:
-    pictures = stage.pictures(METHOD)
+    pictures = stage.shared()
     ring = stage.signed_error(pictures, stage.edges(0.15))
     everywhere = stage.signed_error(pictures)
     told(ring=ring, everywhere=everywhere)
@@ -32,7 +32,7 @@ def test_contact_shadows_keep_their_light(stage: Stage) -> None:
 
 @on("stage", [(scenes.sun_alone, (1,)), (scenes.bright_patch, (1,))], indirect=True)
 def test_each_light_keeps_its_energy(stage: Stage) -> None:
-    pictures = stage.pictures(METHOD)
+    pictures = stage.shared(24 * SAMPLES)
     everywhere = stage.signed_error(pictures)
     shadows = stage.signed_error(pictures, stage.edges(0.15))
     told(everywhere=everywhere, shadows=shadows)
@@ -67,7 +67,7 @@ def test_what_comes_into_view_is_not_what_was_there(stage: Stage) -> None:
     assert_not_worse_than_path_tracing(stage)
     mask = stage.uncovered()
     assert mask.any()
-    tint = float(np.abs(stage.tint(stage.pictures(METHOD), mask)).max())
+    tint = float(np.abs(stage.tint(stage.shared(), mask)).max())
     told(tint=tint)
     assert tint < 0.02
 
@@ -81,7 +81,7 @@ def test_what_is_blurred_is_as_wide_and_as_bright_as_by_path_tracing(stage: Stag
     """
     assert_not_worse_than_path_tracing(stage)
     edges = stage.edges(0.3)
-    ours = stage.pictures(METHOD, 4 * SAMPLES)
+    ours = stage.shared(4 * SAMPLES)
     tint = float(np.abs(stage.tint(ours, edges)).max())
 
     def centred(pictures: np.ndarray) -> np.ndarray:
@@ -98,7 +98,7 @@ def test_what_is_blurred_is_as_wide_and_as_bright_as_by_path_tracing(stage: Stag
 @on("stage", [(scenes.checker, (1,))], indirect=True)
 def test_a_pattern_of_one_pixel_keeps_its_contrast(stage: Stage) -> None:
     """Energy of the gradients, from products of two seeds: their noise averages out."""
-    first, second = stage.pictures(METHOD, 4 * SAMPLES)[:2]
+    first, second = stage.shared(4 * SAMPLES)[:2]
     halves = stage.truth.halves
 
     def energy(a: np.ndarray, b: np.ndarray) -> float:
@@ -113,7 +113,7 @@ def test_a_pattern_of_one_pixel_keeps_its_contrast(stage: Stage) -> None:
 def test_no_light_leaks_through_a_thin_wall(stage: Stage) -> None:
     """Light in the dark half beyond the reference's, as a share of the bright half's."""
     width = stage.truth.pictures.shape[2]
-    pictures = stage.pictures(METHOD).mean(axis=0)
+    pictures = stage.shared().mean(axis=0)
     dark, bright = slice(0, width // 2 - 4), slice(width // 2 + 4, width)
     extra = pictures[:, :, dark].mean() - stage.truth.pictures[:, :, dark].mean()
     leak = float(extra / stage.truth.pictures[:, :, bright].mean())
@@ -125,7 +125,7 @@ def test_no_light_leaks_through_a_thin_wall(stage: Stage) -> None:
 def test_stripes_of_a_moving_sun_do_not_lag(stage: Stage) -> None:
     """The shift in time: a parabola through the errors against the frame before, at and after."""
     assert_not_worse_than_path_tracing(stage)
-    pictures, truth = stage.picture(METHOD, 4 * SAMPLES), stage.truth.pictures
+    pictures, truth = stage.shared(4 * SAMPLES)[0], stage.truth.pictures
     before, at, after = (
         float(((pictures[1:-1] - truth[1 + k : len(truth) - 1 + k]) ** 2).mean())
         for k in (-1, 0, 1)
