@@ -5,6 +5,7 @@ and camera.npy where the nodes ask which ray looks.
 """
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,13 @@ import numpy as np
 # Looks along +X with +Z up: the middle of an equirectangular image.
 LOOKING_ALONG_X = (1.5707963267948966, 0.0, -1.5707963267948966)
 SAMPLES = 16
+# The same of what is small and bright: a sun covers so few pixels that its energy would be left to
+# the chance with which so few samples hit its edge.
+FINE_SAMPLES = 1024
+# Brightness over the brightest pixel's from which on a pixel counts as bright, and the largest
+# share of the picture that is rendered so.
+BRIGHT = 0.1
+SMALL = 1 / 256
 
 
 def main() -> None:
@@ -90,17 +98,58 @@ def answer_for_light(tree: Any, node: Any) -> None:
 
 
 def render(scene: Any, folder: Path, name: str) -> None:
-    path = folder / f"{name}.exr"
+    pixels = rendered(scene, folder / f"{name}.exr")
+    for rows, columns in small_bright_parts(pixels[..., :3].max(axis=-1)):
+        scene.cycles.samples = FINE_SAMPLES
+        limit_to(scene, rows, columns)
+        fine = rendered(scene, folder / f"{name}-fine.exr")
+        pixels[rows, columns] = fine[rows, columns]
+    scene.cycles.samples = SAMPLES
+    scene.render.use_border = False
+    np.save(folder / f"{name}.npy", pixels)
+
+
+def rendered(scene: Any, path: Path) -> np.ndarray:
+    """The picture (H, W, 4), lowest row first."""
     scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)
     image: Any = bpy.data.images.load(str(path))
     width, height = image.size
     pixels = np.empty(width * height * image.channels, np.float32)
     image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
     rgba = np.ones((height, width, 4), np.float32)
     # No light is less than none, whatever the nodes compute.
     rgba[..., :3] = np.maximum(pixels.reshape(height, width, -1)[..., :3], 0.0)
-    np.save(folder / f"{name}.npy", rgba)
+    return rgba
+
+
+def small_bright_parts(brightness: np.ndarray) -> Iterator[tuple[slice, slice]]:
+    """Rows and columns of the brightest things in each half, left and right, if they are small.
+
+    A sun behind the picture's edge lies in both.
+    """
+    height, width = brightness.shape
+    is_bright = brightness > BRIGHT * brightness.max()
+    for first in (0, width // 2):
+        rows, columns = np.nonzero(is_bright[:, first : first + width // 2])
+        if len(rows):
+            box = slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)
+            # One more on each side: few samples may have missed its edge.
+            high = slice(max(box[0].start - 1, 0), min(box[0].stop + 1, height))
+            wide = slice(max(first + box[1].start - 1, 0), min(first + box[1].stop + 1, width))
+            if (high.stop - high.start) * (wide.stop - wide.start) <= SMALL * height * width:
+                yield high, wide
+
+
+def limit_to(scene: Any, rows: slice, columns: slice) -> None:
+    """Render these alone, and what rounding adds; the rest of the picture is black."""
+    settings = scene.render
+    settings.use_border, settings.use_crop_to_border = True, False
+    settings.border_min_x = max(columns.start - 0.5, 0.0) / settings.resolution_x
+    settings.border_max_x = min((columns.stop + 0.5) / settings.resolution_x, 1.0)
+    settings.border_min_y = max(rows.start - 0.5, 0.0) / settings.resolution_y
+    settings.border_max_y = min((rows.stop + 0.5) / settings.resolution_y, 1.0)
 
 
 main()

@@ -148,6 +148,7 @@ ROWS = table(
     ("image, mirror ball", environment, {"projection": "MIRROR_BALL"}),
     ("Sky Texture, multiple scattering", sky_texture, {"sun_elevation": 0.4}),
     ("Sky Texture, low sun", sky_texture, {"sun_elevation": 0.05, "sun_rotation": 1.0}),
+    ("Sky Texture, sun towards -X", sky_texture, {"sun_elevation": 0.3, "sun_rotation": -1.5708}),
     ("Sky Texture, no disc", sky_texture, {"sun_disc": False}),
     ("Sky Texture, single scattering", sky_texture, {"sky_type": "SINGLE_SCATTERING"}),
     ("Sky Texture, Preetham", sky_texture, {"sky_type": "PREETHAM"}),
