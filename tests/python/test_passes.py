@@ -364,14 +364,17 @@ def test_the_light_of_shadow_catchers_is_that_of_cycles(lit_stage: Any) -> None:
     bpy.data.objects["Plane"].is_shadow_catcher = True
     lit_stage.render.film_transparent = True
     lit_stage.view_layers[0].cycles.use_pass_shadow_catcher = True
-    pair = render(lit_stage, "DUALCONE", 512), render(lit_stage, "CYCLES", 512)
+    pair = render(lit_stage, "DUALCONE", 1024), render(lit_stage, "CYCLES", 1024)
     ours, theirs = (exr.layer("Shadow Catcher") for exr in pair)
-    shaded = theirs.mean(axis=-1) < 0.9
-    assert 0.05 < shaded.mean() < 0.5
-    # Noise: each is off by 0.015 on average from what many samples make of it.
+    # Noise: each is off by 0.01 on average from what many samples make of it.
     assert np.abs(ours - theirs).mean() < 0.03
     assert np.abs(np.roll(ours, 1, axis=1) - theirs).mean() > 0.03
-    assert ours[shaded].mean() == pytest.approx(theirs[shaded].mean(), rel=0.03)
+    # Chosen by its neighbours: a pixel's own noise would choose the dark ones.
+    beside = np.roll(theirs, 1, axis=1) + np.roll(theirs, -1, axis=1)
+    shaded = 0.5 * beside.mean(axis=-1) < 0.9
+    assert 0.05 < shaded.mean() < 0.5
+    # Some hundred pixels, each off by 0.05 at one standard deviation: over four of their difference.
+    assert ours[shaded].mean() == pytest.approx(theirs[shaded].mean(), rel=0.05)
 
 
 @pytest.mark.parametrize("method", ["PATH", "DUAL_CONE"])
