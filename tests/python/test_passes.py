@@ -373,7 +373,7 @@ def test_the_light_of_shadow_catchers_is_that_of_cycles(lit_stage: Any) -> None:
     beside = np.roll(theirs, 1, axis=1) + np.roll(theirs, -1, axis=1)
     shaded = 0.5 * beside.mean(axis=-1) < 0.9
     assert 0.05 < shaded.mean() < 0.5
-    # Some hundred pixels, each off by 0.05 at one standard deviation: over four of their difference.
+    # Some hundred pixels, each off by 0.05 at one standard deviation: over four of their means'.
     assert ours[shaded].mean() == pytest.approx(theirs[shaded].mean(), rel=0.05)
 
 
