@@ -86,8 +86,6 @@ def export_frame(
     cache.begin_frame(depsgraph)
     instances.read()
     arrays |= _world_arrays(materials, time, should_stop)
-    threshold = depsgraph.view_layer_eval.pass_alpha_threshold
-    arrays["alpha_threshold"] = np.array(threshold, np.float32)
     arrays |= instances.arrays() | materials.arrays() | instances.lights.arrays()
     arrays |= _moved_arrays(instances, arrays, resolution, time, move, shutter, has_flow)
     warn_of_unbaked(depsgraph, warnings)
@@ -123,7 +121,7 @@ def _material_table(
 def _world_arrays(
     materials: MaterialTable, time: float, should_stop: Callable[[], bool]
 ) -> dict[str, np.ndarray]:
-    """What the arrays of the contract say of the world. Raises ExportStopped."""
+    """What the contract's arrays say of the world and of the view layer. Raises ExportStopped."""
     layer = materials.depsgraph.view_layer_eval
     world = layer.world_override or materials.depsgraph.scene_eval.world
     material = np.array(materials.index_of_world(world), np.int32)
@@ -132,6 +130,7 @@ def _world_arrays(
         "world_material": material,
         "mist": mist(world),
         "ambient_distance": ambient_distance(world),
+        "alpha_threshold": np.array(layer.pass_alpha_threshold, np.float32),
     }
 
 

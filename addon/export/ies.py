@@ -7,7 +7,7 @@ What real files do beyond it (angles that start elsewhere, no last angle) is tak
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,8 @@ WATT_PER_CANDELA = 0.0706650768394
 EVEN = 100.0
 # Rows from pole to pole and columns around of the grid: every half degree.
 ROWS, COLUMNS = 361, 720
+# Grids kept, four megabytes each.
+KEPT = 16
 
 # Photometric types of the file.
 TYPE_C, TYPE_B, TYPE_A = 1, 2, 3
@@ -41,7 +43,7 @@ def file_text(node: Any) -> str:
     return Path(bpy.path.abspath(node.filepath)).read_text(encoding="latin-1")
 
 
-@cache
+@lru_cache(KEPT)
 def intensity_grid(text: str) -> np.ndarray:
     """Intensities as an image (ROWS, COLUMNS, 4): rows by the polar angle, columns around.
 

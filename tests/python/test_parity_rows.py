@@ -21,6 +21,7 @@ NAMES = (
     "light: node: IES, type C, a quadrant",
     "light: hidden from glossy rays",
     "visibility: collection, holdout",
+    "world: Sky Texture, sun towards -X",
     "film: transparent glass, rough",
     "shader: Toon",
     "texture: Ambient Occlusion",

@@ -18,6 +18,7 @@
 use rayon::prelude::*;
 
 use super::tiles::Tiles;
+use crate::contract::Settings;
 use crate::film::{Film, Region};
 
 /// Iterations that render all ways.
@@ -35,9 +36,6 @@ const RECORDS_PER_RAY: f32 = 160.0;
 const RECORDS_PER_BLOCK: f32 = 90.0;
 /// Share of a sample's cost that it has in a frame which only lends: light samples are left out.
 const LENT_SAMPLE: f32 = 0.65;
-/// Frames rendered together, of which the first and the last borrow from others. It is the setting's
-/// default: a choice that followed the setting would change the picture.
-const TOGETHER: f32 = 8.0;
 /// Observations for which the mean of the frame counts in a tile.
 const PRIOR: f64 = 8.0;
 /// Added to a squared luminance, so that dark pixels do not rule.
@@ -124,7 +122,10 @@ impl Costs {
     pub fn new(records: usize, lenders: usize, rays: f32) -> Self {
         let cost =
             |records: usize| 1.0 + (records as f32 + RECORDS_PER_BLOCK) / (rays * RECORDS_PER_RAY);
-        let lent = lenders.saturating_sub(1) as f32 / TOGETHER;
+        // Of frames rendered together the first and the last borrow from others. By the setting's
+        // default: a choice that followed the setting would change the picture.
+        let together = Settings::default().frames_together;
+        let lent = lenders.saturating_sub(1) as f32 / together as f32;
         Self {
             window: cost(records * lenders) + LENT_SAMPLE * lent,
             frame: cost(records),
@@ -173,31 +174,22 @@ impl Comparison {
         }
     }
 
-    /// As many equal observations say as much as these (Kish 1965).
-    fn observations(&self) -> f64 {
-        if self.squares > 0.0 {
-            (self.chosen + self.other).powi(2) / self.squares
-        } else {
-            0.0
-        }
-    }
-
-    /// Part of the chosen way in the sum of both, a half where they are equally good, times the
-    /// observations.
-    fn weighted_part(&self) -> f64 {
+    /// Part of the chosen way in the sum of both, a half where they are equally good, times the number
+    /// of equal observations that say as much as these (Kish 1965), and that number. None of darkness.
+    fn evidence(&self) -> [f64; 2] {
         let sum = self.chosen + self.other;
-        if sum > 0.0 {
-            self.chosen / sum * self.observations()
+        if self.squares > 0.0 {
+            [self.chosen, sum].map(|x| x * sum / self.squares)
         } else {
-            0.0
+            [0.0; 2]
         }
     }
 }
 
 /// Mean part of the chosen way over all tiles; nothing of darkness.
-fn mean_part<'a>(comparisons: impl Iterator<Item = &'a Comparison> + Clone) -> f64 {
-    let observations: f64 = comparisons.clone().map(Comparison::observations).sum();
-    let parts: f64 = comparisons.map(Comparison::weighted_part).sum();
+fn mean_part<'a>(comparisons: impl Iterator<Item = &'a Comparison>) -> f64 {
+    let add = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1] + b[1]];
+    let [parts, observations] = comparisons.map(Comparison::evidence).fold([0.0; 2], add);
     parts / observations.max(1.0)
 }
 
@@ -252,8 +244,8 @@ fn waste(region: Region, trials: &[Trial], costs: Costs) -> Tiles<[f32; 2]> {
         };
         let sum = around.reduce(add).unwrap_or_default();
         [0, 1].map(|way| {
-            let known = sum[way].weighted_part() + prior[way];
-            (known / (sum[way].observations() + PRIOR) - 0.5) as f32
+            let [part, observations] = sum[way].evidence();
+            ((part + prior[way]) / (observations + PRIOR) - 0.5) as f32
         })
     })
 }
