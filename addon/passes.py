@@ -38,10 +38,16 @@ BLENDER_SWITCH = {
     "Ambient Occlusion": "use_pass_ambient_occlusion",
 }
 # Passes with a switch of Cycles, which counts too: files that were made for it have it set.
-CYCLES_SWITCH = {
+CYCLES_LIGHT_SWITCH = {
     "Volume Direct": "use_pass_volume_direct",
     "Volume Indirect": "use_pass_volume_indirect",
     "Shadow Catcher": "use_pass_shadow_catcher",
+}
+CYCLES_SWITCH = {
+    **CYCLES_LIGHT_SWITCH,
+    **dict.fromkeys(
+        ("Denoising Normal", "Denoising Albedo", "Denoising Depth"), "denoising_store_passes"
+    ),
 }
 # Blender's switches for rows of the contract of which there are several passes.
 CRYPTOMATTE = {
@@ -49,8 +55,6 @@ CRYPTOMATTE = {
     "CryptoMaterial": "use_pass_cryptomatte_material",
     "CryptoAsset": "use_pass_cryptomatte_asset",
 }
-# Switches of Cycles for passes that are not rendered yet.
-MISSING = {"denoising_store_passes": "Denoising Data"}
 # What Blender called passes before version 5, where that was another name: files and the sockets of
 # its compositor go by these.
 NAMES_BEFORE_5 = {
@@ -76,7 +80,7 @@ PARTS = ("Diffuse", "Glossy", "Transmission")
 SCATTERED_LIGHT = {
     part: tuple(f"{part} {way}" for way in ("Direct", "Indirect", "Color")) for part in PARTS
 }
-OTHER_LIGHT = ("Emission", "Environment", "Ambient Occlusion", *CYCLES_SWITCH)
+OTHER_LIGHT = ("Emission", "Environment", "Ambient Occlusion", *CYCLES_LIGHT_SWITCH)
 LIGHT = frozenset((*chain(*SCATTERED_LIGHT.values()), *OTHER_LIGHT))
 # Methods that tell the parts of scattered light apart, and the passes that need it.
 DIVIDING_METHODS = ("DUAL_CONE", "PATH")
@@ -149,8 +153,6 @@ def is_enabled(view_layer: bpy.types.ViewLayer, source: str) -> bool:
 
 def missing(view_layer: bpy.types.ViewLayer) -> Iterator[str]:
     """Name the passes that a view layer asks for and that are not rendered yet."""
-    cycles = getattr(view_layer, "cycles", None)
-    yield from (name for switch, name in MISSING.items() if getattr(cycles, switch, False))
     yield from (f"Combined_{group.name}" for group in view_layer.lightgroups)
 
 

@@ -3,6 +3,8 @@
 //! What a pass is, its name and its channels stand in [`crate::contract::PASSES`]; how a film keeps
 //! its numbers, in [`crate::film`].
 
+mod denoising;
+
 use glam::{Affine3A, Vec2, Vec3A};
 
 use crate::accel::Hit;
@@ -12,6 +14,7 @@ use crate::path::Divided;
 use crate::scene::{Flow, SceneFrame, interpolate};
 use crate::shader::RayInfo;
 use crate::surface::{self, Surface};
+pub use denoising::add_guides;
 
 /// What a camera ray saw.
 #[derive(Clone, Copy)]
@@ -20,7 +23,9 @@ pub struct Seen<'a> {
     pub frame: &'a SceneFrame,
     /// The rectangle that is rendered of it.
     pub region: Region,
-    /// The surface; none where the background shows, or a hole.
+    /// The surface, or the point of a medium; none where the background shows, or a hole.
+    pub arrived: Option<&'a Surface>,
+    /// The surface; none where a medium shows, the background or a hole.
     pub surface: Option<&'a Surface>,
     /// The surface that passes of data show: see [`Shown`].
     pub shown: &'a Shown<'a>,

@@ -15,8 +15,8 @@ use crate::math::Ray;
 use crate::media::{Flight, Media};
 use crate::neighbourhood::Neighbourhood;
 use crate::sampling::{
-    Bsdf, LightSample, LightSampler, LobePdfs, LobeValues, Part, Receiver, Sampler, Strategy,
-    alpha_of,
+    Bsdf, BsdfSample, LightSample, LightSampler, LobePdfs, LobeValues, Part, Receiver, Sampler,
+    Strategy, alpha_of,
 };
 use crate::scene::{Links, Membership, SceneFrame};
 use crate::shader::{Around, RayInfo, RayKind};
@@ -667,6 +667,18 @@ impl<'a> Tracer<'a> {
         })
     }
 
+    /// A direction that the path goes on in, and the events that there are then.
+    pub fn scattered(
+        &self,
+        surface: &Surface,
+        from: Bounces,
+        sampler: &Sampler,
+    ) -> Option<(BsdfSample, Bounces)> {
+        let numbers = sampler.scatter(from.total);
+        let sample = surface.bsdf.sample(numbers.lobe, numbers.direction)?;
+        Some((sample, self.after(from, sample.part, sample.alpha)))
+    }
+
     /// One event more, at a closure of this GGX alpha.
     pub fn after(&self, from: Bounces, part: Part, alpha: f32) -> Bounces {
         let is_clear = part == Part::Transmission && alpha <= self.clear_alpha();
@@ -701,11 +713,10 @@ impl<'a> Tracer<'a> {
             if self.clear_alpha() == 0.0 || !surface.bsdf.is_transmissive() {
                 return 0.0;
             }
-            let numbers = sampler.scatter(bounces.total);
-            let Some(sample) = surface.bsdf.sample(numbers.lobe, numbers.direction) else {
+            let Some((sample, after)) = self.scattered(surface, bounces, sampler) else {
                 return 0.0;
             };
-            bounces = self.after(bounces, sample.part, sample.alpha);
+            bounces = after;
             if !self.hides_background(&bounces) {
                 return 0.0;
             }
@@ -805,6 +816,12 @@ impl<'a> Tracer<'a> {
         }
     }
 
+    /// Radiance of the world where a ray leaves the scene after the events `bounces`.
+    pub fn environment(&self, direction: Vec3A, bounces: &Bounces) -> Vec3A {
+        let (kind, vertex) = (bounces.kind(), bounces.lit_vertex());
+        self.lights.environment_radiance(direction, kind, vertex)
+    }
+
     /// Adds what a ray brings from the world, of which `share` gets through.
     fn add_environment(
         &self,
@@ -816,9 +833,7 @@ impl<'a> Tracer<'a> {
         if self.hides_background(&from.bounces) {
             return;
         }
-        let direction = from.ray.direction;
-        let (kind, vertex) = (from.bounces.kind(), from.bounces.lit_vertex());
-        let radiance = share * self.lights.environment_radiance(direction, kind, vertex);
+        let radiance = share * self.environment(from.ray.direction, &from.bounces);
         if radiance != Vec3A::ZERO {
             gathered.open_sky = clamped(radiance);
             gathered.environment = clamped(radiance * self.environment_weight(from));

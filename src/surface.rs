@@ -7,7 +7,7 @@ use glam::{Quat, Vec2, Vec3A};
 use crate::accel::Hit;
 use crate::math::{Ray, offset_origin};
 use crate::media::Collision;
-use crate::sampling::{Bsdf, Principled, alpha_of};
+use crate::sampling::{Bsdf, Guides, Principled, alpha_of};
 use crate::scene::{Facet, Material, Membership, SceneFrame};
 use crate::shader::{self, Closure, Glossy, Point, RayInfo};
 use crate::subsurface::{Method, Subsurface};
@@ -103,6 +103,15 @@ impl Surface {
             colors[0] += below.weight;
         }
         colors
+    }
+
+    /// What denoisers are told of it: see [`Bsdf::guides`].
+    pub fn guides(&self, clear_alpha: f32) -> Guides {
+        let below = self
+            .below
+            .as_ref()
+            .map(|below| (below.weight, below.normal));
+        self.bsdf.guides(clear_alpha, below)
     }
 
     /// The shading normal on the side of the surface that `direction` leaves to.

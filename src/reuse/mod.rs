@@ -300,6 +300,7 @@ impl View<'_> {
             let seen = Seen {
                 frame: self.tracer.frame,
                 region: self.region,
+                arrived: shot.surface.as_ref(),
                 surface: shot.surface.as_ref().filter(|s| !s.is_medium),
                 shown: &shown,
                 info: &info,
@@ -311,6 +312,9 @@ impl View<'_> {
             passes::add_mattes(extra, &seen);
             passes::add_outputs(extra, iteration, &seen);
             passes::add_seen_light(extra, iteration, sight.emission, sight.environment);
+            let light = sight.emission + sight.environment;
+            let means = (&self.tracer, &shot.sampler);
+            passes::add_guides(extra, iteration, &seen, light, means);
             if let Some(surface) = seen.surface {
                 passes::add_colors(extra, iteration, surface);
                 if extra.layout.keeps(passes::AMBIENT) {

@@ -7,7 +7,7 @@ mod sampler;
 mod shutter;
 
 pub use bsdf::{
-    ALPHA_MIN, Bsdf, BsdfSample, Gloss, LobePdfs, LobeValues, Part, Principled, alpha_of,
+    ALPHA_MIN, Bsdf, BsdfSample, Gloss, Guides, LobePdfs, LobeValues, Part, Principled, alpha_of,
     sample_scattered,
 };
 pub use lights::{

@@ -204,6 +204,19 @@ pub struct Gloss {
     index: usize,
 }
 
+/// What denoisers are told of a surface.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Guides {
+    /// Mean of the closures' unit normals, weighted by their albedo; world space.
+    pub normal: Vec3A,
+    /// Albedo of the closures that show the surface itself.
+    pub wide: Vec3A,
+    /// Albedo of those that show other things, clearly.
+    pub clear: Vec3A,
+    /// Share of the first in both; 1 for a black surface.
+    pub wide_share: f32,
+}
+
 /// A basis that closures share, and the viewer in it.
 #[derive(Debug, Clone, Copy)]
 struct View {
@@ -769,6 +782,33 @@ impl Bsdf {
             }
         }
         colors
+    }
+
+    /// What denoisers are told: closures of at most `clear_alpha` show other things. `below` is the
+    /// albedo and the normal of what comes from below the surface.
+    pub fn guides(&self, clear_alpha: f32, below: Option<(Vec3A, Vec3A)>) -> Guides {
+        let lambert = (self.lambert, self.lambert_normal(), 1.0);
+        let below = below.map(|(albedo, normal)| (albedo, normal, 1.0));
+        let normal = |lobe: &Lobe| self.views[lobe.view as usize].frame.normal();
+        let lobes = self.lobes().iter();
+        let own = lobes.map(|lobe| (lobe.albedo(), normal(lobe), lobe.alpha()));
+        let mut guides = Guides::default();
+        for (albedo, normal, alpha) in own.chain([lambert]).chain(below) {
+            guides.normal += albedo.element_sum() * normal;
+            let sum = if alpha > clear_alpha {
+                &mut guides.wide
+            } else {
+                &mut guides.clear
+            };
+            *sum += albedo;
+        }
+        let [wide, clear] = [guides.wide, guides.clear].map(Vec3A::element_sum);
+        let total = wide + clear;
+        if total > 0.0 {
+            guides.normal /= total;
+        }
+        guides.wide_share = if total > 0.0 { wide / total } else { 1.0 };
+        guides
     }
 
     /// Share of white light scattered towards the viewer.

@@ -238,6 +238,12 @@ impl Camera {
         }
     }
 
+    /// A direction of world space in that of the camera, with z to the front.
+    pub fn to_view(&self, direction: Vec3A) -> Vec3A {
+        let local = self.camera_from_world.transform_vector3a(direction);
+        Vec3A::new(local.x, local.y, -local.z)
+    }
+
     /// Distance of a point of world space [m]: along the viewing axis, or from a panorama's middle.
     pub fn depth(&self, point: Vec3A) -> f32 {
         let camera = self.camera_from_world.transform_point3a(point);
