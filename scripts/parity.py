@@ -93,7 +93,10 @@ def cells(outcome: Outcome) -> list[str]:
     if abs(outcome.energy[3] - 1.0) > 1e-3:
         energy += f" ({outcome.energy[3]:.3f})"
     bias = f"{100.0 * outcome.bias:+.2f} %" if math.isfinite(outcome.bias) else "-"
-    return [name, energy, f"{outcome.relative_mse:.1e}", bias, outcome.verdict]
+    error = f"{outcome.relative_mse:.1e}"
+    if outcome.row.is_strewn:
+        error = f"({error})"
+    return [name, energy, error, bias, outcome.verdict]
 
 
 def line_of(outcome: Outcome) -> str:

@@ -16,7 +16,7 @@ from mathutils import Matrix
 from .report import Warnings
 
 # Faces around a tube. Corner normals make it look round; its mean width is that of a circle.
-SIDES = 6
+SIDES = 8
 # Straight pieces between two points, as Cycles has it by default (2 subdivisions).
 PIECES = 4
 # Triangles of one object above which strands get fewer pieces and sides: 4 million take about a

@@ -90,10 +90,15 @@ def hair_curves(
 
 
 def hair_particles(stage: Stage, children: int = 0) -> None:
-    """A hair particle system on the ball."""
+    """A hair particle system on the ball.
+
+    On its vertices: over faces Blender strews other hairs whenever the scene is built, and always
+    other children.
+    """
     modifier = stage.ball.modifiers.new("Hair", "PARTICLE_SYSTEM")
     settings: Any = modifier.particle_system.settings
     settings.type, settings.count, settings.hair_length = "HAIR", 300, 0.6
+    settings.emit_from = "VERT"
     settings.root_radius, settings.radius_scale = 3.0, 0.01
     if children:
         settings.child_type, settings.rendered_child_count = "SIMPLE", children
@@ -171,7 +176,7 @@ ROWS = table(
     ("hair curves, 3D", hair_curves, {"shape": "THICK"}),
     ("hair curves, thin ribbons", hair_curves, {"shape": "RIBBONS", "count": 400, "root": 0.01, "tip": 0.0}),
     ("hair particles", hair_particles),
-    ("hair particles, children", hair_particles, {"children": 10}),
+    ("hair particles, children", hair_particles, {"children": 10, "is_strewn": True}),
     ("point cloud", points, {"radius": 0.15}),
     ("instances on vertices", instances, {"side": 8}),
     ("instances, mirrored and stretched", scaled_instances),

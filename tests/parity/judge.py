@@ -142,12 +142,14 @@ class Outcome:
         if not self.reference.picture[..., :3].any():
             return "black"
         off = float(np.abs(self.energy - 1.0).max())
-        if off <= ENERGY_TOLERANCE and self.relative_mse <= RELATIVE_MSE_MAX:
+        is_same = self.row.is_strewn or self.relative_mse <= RELATIVE_MSE_MAX
+        if off <= ENERGY_TOLERANCE and is_same:
             return "agrees, but warns" if self.warnings else "agrees"
         if self.warnings:
             return "named"
         near = np.abs(self.energy - 1.0) - 3.0 * self.energy_error
         is_near = self.relative_mse - 3.0 * self.relative_mse_error <= RELATIVE_MSE_MAX
+        is_near = is_near or self.row.is_strewn
         return "noisy" if is_near and float(near.max()) <= ENERGY_TOLERANCE else "differs"
 
     @property

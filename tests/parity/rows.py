@@ -24,6 +24,8 @@ class Row:
     values: dict[str, Any]
     # Camera rays per pixel of each of two renders.
     samples: int = 64
+    # Whether Blender strews its things anew whenever the scene is built: pixels cannot agree then.
+    is_strewn: bool = False
 
     @property
     def key(self) -> str:
@@ -39,12 +41,12 @@ class Row:
 
 
 def table(group: str, *lines: tuple[Any, ...]) -> list[Row]:
-    """Rows of one group from lines `(name, build, values)`, with `samples` among the values."""
+    """Rows of one group from lines `(name, build, values)`, with `samples` and `is_strewn` among the values."""
     rows = []
     for name, build, *rest in lines:
         values = dict(rest[0]) if rest else {}
-        samples = values.pop("samples", 64)
-        rows.append(Row(group, name, build, values, samples))
+        samples, is_strewn = values.pop("samples", 64), values.pop("is_strewn", False)
+        rows.append(Row(group, name, build, values, samples, is_strewn))
     return rows
 
 

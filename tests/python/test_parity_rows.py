@@ -28,6 +28,7 @@ NAMES = (
     "texture: Ambient Occlusion, emission",
     "shader: Toon, glossy",
     "geometry: hair curves, 3D",
+    "geometry: hair particles",
     "geometry: point cloud",
     "motion blur: armature",
     "motion blur: shutter 1.5, at end",
