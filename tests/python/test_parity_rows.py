@@ -23,6 +23,7 @@ NAMES = (
     "visibility: collection, holdout",
     "world: Sky Texture, sun towards -X",
     "film: transparent glass, rough",
+    "shader: Glass, GGX alone",
     "shader: Toon",
     "texture: Ambient Occlusion",
     "texture: Ambient Occlusion, emission",

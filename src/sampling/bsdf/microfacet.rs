@@ -206,7 +206,7 @@ impl Interface {
         } else {
             self.refracting_half(wo, wi)?
         };
-        let split = self.split(wo.dot(half).clamp(0.0, 1.0));
+        let split = self.split(wo.dot(half).abs().min(1.0));
         let [reflected, refracted] = split.map(Vec3A::element_sum);
         let total = reflected + refracted;
         if !(total > 0.0) {
@@ -231,6 +231,9 @@ impl Interface {
     ///
     /// Radiance is counted per basic radiance, that is without the factor that a change of medium
     /// brings: rays from the camera come back to air before they meet a light.
+    ///
+    /// As in Cycles microfacets count that are met from behind, with a density that no sample has:
+    /// light samples alone find them. Through glass of roughness 0.8 lamps shine 3 % brighter by them.
     fn refracting_half(&self, wo: Vec3A, wi: Vec3A) -> Option<(Vec3A, f32)> {
         let sum = wo + self.ior * wi;
         let length_squared = sum.length_squared();
@@ -239,9 +242,8 @@ impl Interface {
         }
         let half = sum / length_squared.sqrt();
         let half = if half.z < 0.0 { -half } else { half };
-        let (cos_wo, cos_wi) = (wo.dot(half), wi.dot(half));
-        let jacobian = self.ior * self.ior * cos_wo * -cos_wi / length_squared;
-        (cos_wo > 0.0 && cos_wi < 0.0).then_some((half, jacobian))
+        let jacobian = self.ior * self.ior * (wo.dot(half) * wi.dot(half)).abs() / length_squared;
+        Some((half, jacobian))
     }
 
     /// A unit direction, reflected or refracted as `u_choice` decides; none where nothing is.

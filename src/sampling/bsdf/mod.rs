@@ -12,9 +12,7 @@
 //! the mesh shadows itself anyway.
 //!
 //! # Departures from Cycles
-//! Cycles checks the geometric normal in sampling only, and evaluates refraction by microfacets that
-//! are met from behind, which it does not sample: what its lamps send through glass of roughness 0.8
-//! is too bright by some per cent. Roughness below 0.01 counts as 0.01; an index of refraction within
+//! Cycles checks the geometric normal in sampling only. Roughness below 0.01 counts as 0.01; an index of refraction within
 //! 0.001 of one counts as 0.001 away; bumps of less than 16 degrees do not shadow each other.
 
 mod diffuse;
