@@ -257,7 +257,11 @@ impl Surface {
             }
             Closure::Emission(radiance) => self.emission += radiance * scale,
             Closure::Holdout(weight) => self.holdout += weight * scale,
-            Closure::Transparent(_) | Closure::Volume(_) | Closure::Output { .. } => {}
+            Closure::Normal(normal) => *bsdf = bsdf.with_smooth_normal(bent(normal)),
+            Closure::Transparent(_)
+            | Closure::Volume(_)
+            | Closure::Displacement { .. }
+            | Closure::Output { .. } => {}
         }
     }
 }
@@ -534,7 +538,11 @@ fn other_weights(frame: &SceneFrame, material: &Material, point: &Point) -> f32 
             | Closure::Sheen { weight, .. }
             | Closure::Holdout(weight) => *weight,
             Closure::Emission(radiance) => radiance.max_element().min(1.0),
-            Closure::Transparent(_) | Closure::Volume(_) | Closure::Output { .. } => 0.0,
+            Closure::Transparent(_)
+            | Closure::Volume(_)
+            | Closure::Normal(_)
+            | Closure::Displacement { .. }
+            | Closure::Output { .. } => 0.0,
         };
     });
     sum

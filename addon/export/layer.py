@@ -75,6 +75,12 @@ def _generated(mesh: bpy.types.Mesh, _: str) -> np.ndarray:
     return _padded(generated)[_corner_elements(mesh, "POINT")]
 
 
+def _flat(mesh: bpy.types.Mesh, _: str) -> np.ndarray:
+    """One at the corners of flat faces, zero at those of smooth ones."""
+    values = _attribute(mesh, "sharp_face")
+    return np.zeros((len(mesh.loops), 4), np.float32) if values is None else values
+
+
 def _tangent(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
     """Tangents along a UV map (MikkTSpace, as Blender bakes with), and the bitangents' sign."""
     layers = mesh.uv_layers
@@ -143,6 +149,7 @@ READERS: dict[str, Reader] = {
     "attribute": _attribute,
     "color": _color,
     "generated": _generated,
+    "flat": _flat,
     "tangent": _tangent,
 }
 

@@ -19,7 +19,7 @@ from .report import Warnings
 from .shader import Compiler, Operations, Program, Programs, compile_surface, compile_volume
 from .shader.closures import DEFAULT_SURFACE, diffuse_surface
 from .shader.compiler import ONE
-from .shader.layers import output_key
+from .shader.layers import FLAT, output_key
 from .shader.nodes import displaced_normal
 
 
@@ -180,11 +180,15 @@ def _linked(output: bpy.types.Node | None, identifier: str) -> Source | None:
 
 
 def _displace(compiler: Compiler, material: bpy.types.Material, displacement: Source) -> None:
-    """Bend the normal as the displaced surface would."""
-    normal = displaced_normal(compiler, displacement)
-    if normal is None:
+    """Move vertices, bend the normal as the displaced surface would, or both."""
+    moved = compiler.output(displacement)
+    if moved is None:
         compiler.missing(displacement.label)
         return
-    compiler.normal = normal
-    if material.displacement_method != "BUMP":
-        compiler.missing("True displacement", "bump is shown")
+    method = material.displacement_method
+    if method != "DISPLACEMENT":
+        compiler.normal = displaced_normal(compiler, displacement, method == "BOTH")
+        compiler.emit("bent", compiler.normal)
+    if method != "BUMP":
+        compiler.program.layers.add(FLAT)
+        compiler.emit("displaced", moved, parameter=int(method == "BOTH"))

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 
+use super::displacement::displace;
 use super::motion::{Bounds, bounds_of_placed};
 use super::{
     Camera, CameraMotion, Flow, ForPasses, Image, Lens, Light, LightKind, Links, Material, Mattes,
@@ -44,6 +45,13 @@ pub struct Instance {
 }
 
 impl Instance {
+    /// The material of a slot, a row of [`SceneFrame::materials`]; one that the instance does not
+    /// have counts as its last, as in Blender. `None` where the instance has no slot at all.
+    pub fn material_of_slot(&self, slot: u32) -> Option<u32> {
+        let last = self.materials.len().checked_sub(1)?;
+        Some(self.materials[last.min(slot as usize)])
+    }
+
     /// Where it is at a share of the shutter's time.
     pub fn placement_at(&self, time: f32) -> Cow<'_, Placement> {
         match &self.motion {
@@ -106,7 +114,7 @@ impl SceneFrame {
         let camera = camera(&arrays)?;
         let mut instances = instances(&arrays, meshes.len(), materials.len())?;
         set_in_motion(&mut instances, &arrays)?;
-        Ok(Self {
+        let mut frame = Self {
             frame,
             passes: ForPasses {
                 mist: mist(&arrays),
@@ -127,7 +135,9 @@ impl SceneFrame {
             meshes,
             materials,
             images,
-        })
+        };
+        displace(&mut frame);
+        Ok(frame)
     }
 
     /// The frame as it would be without any things but its shadow catchers, which are then seen; `None`
@@ -187,12 +197,10 @@ impl SceneFrame {
         Some(&self.materials[number as usize])
     }
 
-    /// The number of the material of a triangle; a slot that the instance does not have counts as its
-    /// last, as in Blender. `None` where the instance has no slot at all.
+    /// The number of the material of a triangle; see [`Instance::material_of_slot`].
     pub fn material_number_of(&self, instance: u32, triangle: u32) -> Option<u32> {
-        let slots = &self.instances[instance as usize].materials;
-        let slot = self.mesh_of(instance).faces[triangle as usize].slot as usize;
-        slots.get(slot.min(slots.len().checked_sub(1)?)).copied()
+        let slot = self.mesh_of(instance).faces[triangle as usize].slot;
+        self.instances[instance as usize].material_of_slot(slot)
     }
 
     /// Texture coordinate at a point of a triangle.

@@ -65,6 +65,46 @@ impl Medium {
     }
 }
 
+/// Where vertices of a material go.
+#[derive(Clone)]
+pub struct Displacement {
+    /// The program that tells.
+    program: Program,
+    /// Whether smooth normals stay what they were, because the surface bends them by itself.
+    pub keeps_normals: bool,
+}
+
+impl Displacement {
+    /// What a program says; `None` where vertices stay.
+    fn of(program: Program) -> Option<Self> {
+        let mut keeps_normals = None;
+        program.run(&Point::nowhere(), &[], &mut |closure| {
+            if let Closure::Displacement {
+                keeps_normals: keeps,
+                ..
+            } = *closure
+            {
+                keeps_normals = Some(keeps);
+            }
+        });
+        Some(Self {
+            program,
+            keeps_normals: keeps_normals?,
+        })
+    }
+
+    /// Where a point goes, world space [m].
+    pub fn offset(&self, point: &Point, images: &[Arc<Image>]) -> Vec3A {
+        let mut sum = Vec3A::ZERO;
+        self.program.run(point, images, &mut |closure| {
+            if let Closure::Displacement { offset, .. } = *closure {
+                sum += offset;
+            }
+        });
+        sum
+    }
+}
+
 /// A material, as programs for each use. All of them come from one program of the add-on.
 #[derive(Clone, Default)]
 pub struct Material {
@@ -76,6 +116,8 @@ pub struct Material {
     pub emission: Program,
     /// What fills a body of it.
     pub medium: Option<Medium>,
+    /// Where vertices of it go.
+    pub displacement: Option<Displacement>,
     /// What passes of the user's own show of it.
     pub output: Program,
     /// Its pass index.
@@ -90,6 +132,7 @@ impl Material {
             transparency: draft.program(Use::Transparency),
             emission: draft.program(Use::Emission),
             medium: Medium::of(&draft.program(Use::Volume)),
+            displacement: Displacement::of(draft.program(Use::Displacement)),
             output: draft.program(Use::Output),
             pass_index: 0.0,
         }

@@ -1,6 +1,6 @@
 //! A triangle mesh in object space, shared by every instance and frame that shows it unchanged.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use glam::{Mat3A, Vec2, Vec3, Vec3A, Vec4};
 
@@ -8,6 +8,7 @@ use super::motion::step_at;
 use crate::contract::{Arrays, Given, MESH, MESH_MOTION};
 use crate::error::{Error, Result};
 use crate::kernel::{Positions, TriangleBvh};
+use crate::shader::{FLAT, UNDISPLACED};
 
 /// A triangle mesh and, once something has been traced against it, its trees.
 pub struct Mesh {
@@ -23,6 +24,8 @@ pub struct Mesh {
     motion: Vec<Vec<Vec3>>,
     /// One for each step of the motion; one where there is none.
     bvhs: OnceLock<Vec<TriangleBvh>>,
+    /// The same mesh as materials have displaced it, while some frame shows it so.
+    displaced: Mutex<Vec<Weak<Mesh>>>,
 }
 
 /// What a hit asks of a triangle beside its vertices, in one line of the cache: apart, normals, texture
@@ -69,6 +72,7 @@ impl Mesh {
             triangles: Arc::new(triangles),
             motion: Vec::new(),
             bvhs: OnceLock::new(),
+            displaced: Mutex::default(),
         })
     }
 
@@ -98,7 +102,19 @@ impl Mesh {
                 .map(<[Vec3]>::to_vec)
                 .collect(),
             bvhs: OnceLock::new(),
+            displaced: Mutex::default(),
         })
+    }
+
+    /// The same mesh, all flat or all smooth.
+    #[cfg(test)]
+    pub(crate) fn all_flat(self, is_flat: bool) -> Self {
+        let value = if is_flat { Vec4::ONE } else { Vec4::ZERO };
+        let values = vec![[value; 3]; self.triangles.len()];
+        Self {
+            layers: Arc::new(vec![(FLAT, values)]),
+            ..self
+        }
     }
 
     /// The same mesh with other normals at its corners.
@@ -110,6 +126,74 @@ impl Mesh {
             faces: Arc::new(faces.collect()),
             ..self
         }
+    }
+
+    /// For each triangle whether it is flat, or else smooth; `None` where the mesh does not tell, as
+    /// strands do not.
+    pub fn flat(&self) -> Option<impl Fn(usize) -> bool + '_> {
+        let layer = self.layers.iter().find(|(key, _)| *key == FLAT)?;
+        Some(|triangle: usize| layer.1[triangle][0].x > 0.5)
+    }
+
+    /// The same mesh with its vertices moved; `normals` gives those of the triangles' corners for the
+    /// new positions, and where materials ask for it a layer keeps the old ones. One that is there
+    /// already is shared, with its trees.
+    pub fn displaced(
+        &self,
+        offsets: &[Vec3],
+        keeps_positions: bool,
+        normals: impl FnOnce(&[Vec3]) -> Vec<[Vec3; 3]>,
+    ) -> Arc<Self> {
+        let moved = |vertices: &Vec<Vec3>| {
+            let pairs = vertices.iter().zip(offsets);
+            pairs.map(|(&v, &offset)| v + offset).collect::<Vec<_>>()
+        };
+        let vertices = moved(&self.vertices);
+        let faces = self.faces.iter().zip(normals(&vertices));
+        let faces = faces.map(|(&face, normals)| Face { normals, ..face });
+        let made = Self {
+            faces: Arc::new(faces.collect()),
+            vertices: Arc::new(vertices),
+            triangles: self.triangles.clone(),
+            layers: match keeps_positions {
+                true => Arc::new(self.layers_and_positions()),
+                false => self.layers.clone(),
+            },
+            motion: self.motion.iter().map(moved).collect(),
+            bvhs: OnceLock::new(),
+            displaced: Mutex::default(),
+        };
+        let mut known = self
+            .displaced
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        known.retain(|mesh| mesh.strong_count() > 0);
+        if let Some(same) = known
+            .iter()
+            .filter_map(Weak::upgrade)
+            .find(|m| m.has_form_of(&made))
+        {
+            return same;
+        }
+        let made = Arc::new(made);
+        known.push(Arc::downgrade(&made));
+        made
+    }
+
+    fn layers_and_positions(&self) -> Vec<Layer> {
+        let corner = |v: u32| self.vertices[v as usize].extend(1.0);
+        let positions = self.triangles.iter().map(|triangle| triangle.map(corner));
+        let mut layers = self.layers.to_vec();
+        layers.push((UNDISPLACED, positions.collect()));
+        layers
+    }
+
+    /// Whether positions and normals are the same.
+    fn has_form_of(&self, other: &Self) -> bool {
+        let mut faces = self.faces.iter().zip(other.faces.iter());
+        self.vertices == other.vertices
+            && self.motion == other.motion
+            && faces.all(|(a, b)| a.normals == b.normals)
     }
 
     /// Whether it changes its form while the shutter is open.

@@ -2,6 +2,7 @@
 //! checks again.
 
 mod camera;
+mod displacement;
 mod facet;
 mod frame;
 mod light;
@@ -18,7 +19,7 @@ pub use camera::{Camera, CameraMotion, Lens, Panorama, Projection};
 pub use facet::Facet;
 pub use frame::{Instance, SceneFrame, Shutter, interpolate};
 pub use light::{Light, LightKind};
-pub use material::{Material, Medium};
+pub use material::{Displacement, Material, Medium};
 pub use mesh::{Face, Mesh};
 pub use motion::{Placement, Trajectory};
 pub use passes::{Flow, ForPasses, Mattes, Mist, Moved};

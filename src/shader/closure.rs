@@ -47,6 +47,10 @@ pub enum Closure {
     Volume(Volume),
     /// Share of the surface that is a hole in the picture.
     Holdout(f32),
+    /// The surface's own normal from here on: closures that have it count as not bent.
+    Normal(Vec3A),
+    /// Where the surface goes, world space [m]: evaluated at vertices before anything is rendered.
+    Displacement { offset: Vec3A, keeps_normals: bool },
     /// Neither: what the passes of a name show, as a colour or as a number.
     Output { name: u32, color: Vec3A, value: f32 },
 }

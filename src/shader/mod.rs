@@ -20,7 +20,9 @@ mod program;
 pub use closure::{Closure, Glass, Glossy, Principled, Subsurface, Volume};
 pub use operation::{OPERATIONS, Operation, Parameter};
 pub use ops::TABLE_SIZE;
-pub use point::{Around, Attributes, ObjectInfo, Point, RayInfo, RayKind, Search, View};
+pub use point::{
+    Around, Attributes, FLAT, ObjectInfo, Point, RayInfo, RayKind, Search, UNDISPLACED, View,
+};
 #[cfg(test)]
 pub(crate) use program::Row;
 pub use program::{Draft, Instructions, Program, Use};

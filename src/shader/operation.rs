@@ -215,7 +215,7 @@ pub static OPERATIONS: &[Operation] = &[
     here("fresnel", &["IOR", "Normal"], None, normal::fresnel),
     here("layer_weight", &["Blend", "Normal"], Modes(&[&["Fresnel", "Facing"]]), normal::layer_weight),
     here("normal_map", &["Strength", "Color", "Tangent", "Sign"], Modes(&[&["TANGENT", "OBJECT", "WORLD", "BLENDER_OBJECT", "BLENDER_WORLD"]]), normal::normal_map),
-    here("bump", &["Strength", "Distance", "Normal", "Height", "Height X", "Height Y"], Modes(&[OFF_ON]), normal::bump),
+    here("bump", &["Strength", "Distance", "Normal", "Height", "Height X", "Height Y"], Modes(&[OFF_ON, OFF_ON]), normal::bump),
     here("displacement", &["Height", "Midlevel", "Scale", "Normal"], Modes(&[&["OBJECT", "WORLD"]]), normal::displacement),
     here("height", &["Displacement"], None, normal::height),
     here("uv_tangent", &[], Attribute, normal::uv_tangent),
@@ -233,5 +233,7 @@ pub static OPERATIONS: &[Operation] = &[
     closure("transparent", &["Weight", "Color"], None, closures::transparent),
     closure("volume", &["Weight", "Scatter", "Absorption", "Emission", "Anisotropy"], None, closures::volume),
     closure("holdout", &["Weight"], None, closures::holdout),
+    closure("bent", &["Normal"], None, closures::normal),
+    closure("displaced", &["Displacement"], Modes(&[OFF_ON]), closures::displacement),
     closure("output", &["Color", "Value"], Attribute, closures::output),
 ];

@@ -2,6 +2,11 @@
 
 use glam::{Affine3A, Vec2, Vec3A, Vec4};
 
+/// Key of the layer that is one where a triangle is flat; the texture coordinate has the key 0.
+pub const FLAT: u32 = 1;
+/// Key of the layer of positions before they were displaced, object space [m].
+pub const UNDISPLACED: u32 = 2;
+
 /// Values that a mesh keeps at the corners of its triangles, at one triangle.
 pub trait Attributes {
     /// Values of the layer `key` at the three corners; `None` if the mesh has no such layer.
@@ -165,7 +170,25 @@ impl<'a> Point<'a> {
         [x * size, y * size]
     }
 
-    fn moved(&self, step: Vec3A) -> Self {
+    /// The same before the surface was displaced: steps to the same points of the mesh.
+    pub fn undisplaced_steps(&self) -> [Vec3A; 2] {
+        let steps = self.steps();
+        let Some([a, b, c]) = self.attributes.corners(UNDISPLACED) else {
+            return steps;
+        };
+        let edge = |end: Vec4| {
+            let edge = Vec3A::from_vec4(end - a);
+            self.world_from_object.transform_vector3a(edge)
+        };
+        let (e, f) = (edge(b), edge(c));
+        steps.map(|step| {
+            let change = self.barycentric_change(step);
+            change.x * e + change.y * f
+        })
+    }
+
+    /// How a step [m] changes the weights of the triangle's corners.
+    fn barycentric_change(&self, step: Vec3A) -> Vec2 {
         // Least squares in the plane of the two edges.
         let [e, f] = self.edges;
         let (ee, ef, ff) = (e.dot(e), e.dot(f), f.dot(f));
@@ -176,10 +199,13 @@ impl<'a> Point<'a> {
         } else {
             0.0
         };
-        let change = Vec2::new(se * ff - sf * ef, sf * ee - se * ef) * scale;
+        Vec2::new(se * ff - sf * ef, sf * ee - se * ef) * scale
+    }
+
+    fn moved(&self, step: Vec3A) -> Self {
         Self {
             position: self.position + step,
-            barycentric: self.barycentric + change,
+            barycentric: self.barycentric + self.barycentric_change(step),
             ..*self
         }
     }

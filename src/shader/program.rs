@@ -40,6 +40,8 @@ pub enum Use {
     Emission,
     /// What fills the body.
     Volume,
+    /// Where vertices go.
+    Displacement,
     /// What passes of the user's own show.
     Output,
 }
@@ -47,10 +49,11 @@ pub enum Use {
 impl Use {
     fn wants(self, name: &str) -> bool {
         match self {
-            Use::Surface => !matches!(name, "transparent" | "volume" | "output"),
+            Use::Surface => !matches!(name, "transparent" | "volume" | "displaced" | "output"),
             Use::Transparency => name == "transparent",
             Use::Emission => name == "emission",
             Use::Volume => name == "volume",
+            Use::Displacement => name == "displaced",
             Use::Output => name == "output",
         }
     }

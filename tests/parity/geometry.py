@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 
 from .rows import table
-from .stage import Stage, give, matt
+from .stage import Stage, add_node, give, matt, node_tree, output
 
 COLOR = (0.8, 0.5, 0.1)
 
@@ -104,6 +104,26 @@ def hair_particles(stage: Stage, children: int = 0) -> None:
         settings.child_type, settings.rendered_child_count = "SIMPLE", children
 
 
+def displaced(stage: Stage, method: str, is_smooth: bool = True, space: str = "OBJECT") -> None:
+    """Noise that lifts the vertices of the ball, and of a grid in the place of the cube."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    shader = add_node(tree, "ShaderNodeBsdfPrincipled", Roughness=0.4)
+    tree.links.new(shader.outputs[0], output(tree).inputs["Surface"])
+    noise = add_node(tree, "ShaderNodeTexNoise", Scale=5.0)
+    lift = add_node(tree, "ShaderNodeDisplacement", space=space, Height=noise.outputs[0], Scale=0.5)
+    tree.links.new(lift.outputs[0], output(tree).inputs["Displacement"])
+    material = bpy.data.materials["Row"]
+    material.displacement_method = method
+    bpy.data.objects.remove(stage.cube)
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=48, y_subdivisions=48, size=2.4)
+    stage.cube = bpy.context.object
+    stage.cube.location, stage.cube.rotation_euler = (-1.4, 0.3, 1.0), (0.7, 0.0, 0.4)
+    stage.cube.scale = (1.0, 1.2, 0.8)
+    for thing in (stage.cube, stage.ball):
+        give(thing, material)
+        thing.data.shade_smooth() if is_smooth else thing.data.shade_flat()
+
+
 def points(stage: Stage, radius: float) -> None:
     """A point cloud, made by Geometry Nodes from the corners of the ball."""
     tree: Any = bpy.data.node_groups.new("Points", "GeometryNodeTree")
@@ -177,6 +197,13 @@ ROWS = table(
     ("hair curves, thin ribbons", hair_curves, {"shape": "RIBBONS", "count": 400, "root": 0.01, "tip": 0.0}),
     ("hair particles", hair_particles),
     ("hair particles, children", hair_particles, {"children": 10, "is_strewn": True}),
+    ("displaced, smooth", displaced, {"method": "DISPLACEMENT"}),
+    ("displaced, flat", displaced, {"method": "DISPLACEMENT", "is_smooth": False}),
+    ("displaced, world space", displaced, {"method": "DISPLACEMENT", "space": "WORLD"}),
+    ("displaced by bumps alone", displaced, {"method": "BUMP"}),
+    ("displaced by bumps alone, flat", displaced, {"method": "BUMP", "is_smooth": False}),
+    ("displaced and bumped", displaced, {"method": "BOTH"}),
+    ("displaced and bumped, flat", displaced, {"method": "BOTH", "is_smooth": False}),
     ("point cloud", points, {"radius": 0.15}),
     ("instances on vertices", instances, {"side": 8}),
     ("instances, mirrored and stretched", scaled_instances),

@@ -227,7 +227,7 @@ def test_what_principled_does_beyond_is_named_once(identifiers: list[str], what:
     assert export_now().warnings == warnings
 
 
-def test_true_displacement_is_named_and_volumes_are_no_surface() -> None:
+def test_displacement_bends_normals_or_moves_vertices_and_volumes_are_no_surface() -> None:
     def build(tree: Any) -> Any:
         output = tree.nodes["Material Output"]
         wave = node(tree, "ShaderNodeTexWave")
@@ -237,11 +237,16 @@ def test_true_displacement_is_named_and_volumes_are_no_surface() -> None:
         tree.links.new(volume.outputs[0], output.inputs["Volume"])
         return diffuse(tree, 1, 1, 1)
 
-    (closure,), warnings = closures_of(build)
+    (own, closure), warnings = closures_of(build)
     assert warnings == []
+    assert own.kind == "Normal"
     assert closure["normal"] != [0.0, 0.0, 0.0]
-    bpy.data.materials["Wood"].displacement_method = "DISPLACEMENT"
-    assert "'Wood': True displacement is not rendered yet (bump is shown)" in export_now().warnings
+    for method, kinds in (("DISPLACEMENT", ["Diffuse"]), ("BOTH", ["Normal", "Diffuse"])):
+        bpy.data.materials["Wood"].displacement_method = method
+        frame = export_now(core=Core())
+        assert frame.warnings == []
+        (material,) = frame.arrays["slot_materials"]
+        assert [closure.kind for closure in computed(frame, material, (0.2, 0.5))] == kinds
 
 
 def test_a_texture_without_an_image_is_magenta_and_numbers_stay_finite() -> None:

@@ -30,6 +30,8 @@ NAMES = (
     "shader: Toon, glossy",
     "geometry: hair curves, 3D",
     "geometry: hair particles",
+    "geometry: displaced, smooth",
+    "geometry: displaced and bumped, flat",
     "geometry: point cloud",
     "motion blur: armature",
     "motion blur: shutter 1.5, at end",

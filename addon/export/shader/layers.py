@@ -1,7 +1,7 @@
 """Names of the values that a mesh keeps at its corners, as nodes ask for them.
 
 A layer's name tells what it is: `uv:NAME`, `attribute:NAME`, `tangent:NAME` (along a UV map),
-`color:NAME` or `generated`. An empty NAME is the one that the mesh marks for rendering.
+`color:NAME`, `generated` or `flat`. An empty NAME is the one that the mesh marks for rendering.
 """
 
 from __future__ import annotations
@@ -10,12 +10,14 @@ import hashlib
 
 ACTIVE_UV = "uv:"
 GENERATED = "generated"
+# One on the faces that are not smooth; a mesh that has it can be displaced.
+FLAT = "flat"
 
 
 def layer_key(layer: str) -> int:
-    """Number by which programs and meshes name a layer; the active UV map is always there."""
-    if layer == ACTIVE_UV:
-        return 0
+    """Number by which programs and meshes name a layer; first those that the renderer knows."""
+    if layer in (ACTIVE_UV, FLAT):
+        return (ACTIVE_UV, FLAT).index(layer)
     return int.from_bytes(hashlib.blake2b(layer.encode(), digest_size=4).digest(), "little")
 
 

@@ -264,19 +264,21 @@ def bump(compiler: Compiler, source: Source) -> Operand:
     for point in range(3):
         with compiler.at(point):
             operands.append(compiler.input(source, "Height"))
-    return compiler.emit_with_modes(source, "bump", operands, (str(source.node.invert),))
+    return compiler.emit_with_modes(source, "bump", operands, (str(source.node.invert), "False"))
 
 
-def displaced_normal(compiler: Compiler, displacement: Source) -> Operand | None:
-    """The normal of a displaced surface, by bump mapping; None for an unknown node."""
+def displaced_normal(compiler: Compiler, displacement: Source, is_moved: bool) -> Operand:
+    """The normal of a surface displaced by a known node, by bump mapping.
+
+    Where its vertices are moved as well, heights count from where they were, as in Cycles.
+    """
     heights: list[Operand] = []
     for point in range(3):
         with compiler.at(point):
-            moved = compiler.output(displacement)
-            if moved is None:
-                return None
+            moved = compiler.output(displacement) or ZERO
             heights.append(compiler.emit("height", moved))
-    return compiler.emit("bump", ONE, ONE, ZERO, *heights)
+    modes = compiler.operations["bump"].parameter((str(False), str(is_moved))) or 0
+    return compiler.emit("bump", ONE, ONE, ZERO, *heights, parameter=modes)
 
 
 def tangent(compiler: Compiler, source: Source) -> Operand:

@@ -168,6 +168,17 @@ pub fn output(a: &Args) -> Closure {
     }
 }
 
+pub fn normal(a: &Args) -> Closure {
+    Closure::Normal(vector(a, 0))
+}
+
+pub fn displacement(a: &Args) -> Closure {
+    Closure::Displacement {
+        offset: vector(a, 0),
+        keeps_normals: a.is_on(0),
+    }
+}
+
 pub fn holdout(a: &Args) -> Closure {
     Closure::Holdout(weight(a))
 }

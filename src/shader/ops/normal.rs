@@ -104,7 +104,10 @@ pub fn normal_map(a: &Args) -> Vec3A {
 pub fn bump(a: &Args) -> Vec3A {
     let [strength, distance] = a.floats();
     let normal = normal_or_own(a.point, a.vector(2));
-    let [x, y] = a.point.steps();
+    let [x, y] = match a.is_on(1) {
+        true => a.point.undisplaced_steps(),
+        false => a.point.steps(),
+    };
     let (along_x, along_y) = (y.cross(normal), normal.cross(x));
     let height = a.float(3);
     let gradient = (a.float(4) - height) * along_x + (a.float(5) - height) * along_y;
