@@ -99,16 +99,27 @@ impl Accel {
 
     /// Where a ray crosses the surface of one instance, however far away, in rising order.
     pub fn crossings(&self, frame: &SceneFrame, ray: &Ray, instance: u32) -> Vec<f32> {
-        let (bvh, ray) = on_instance(frame, instance, ray, f32::INFINITY);
-        let mut crossings = Vec::new();
-        bvh.occluded_where(&ray, |hit| {
-            crossings.push(hit.t);
-            false
-        });
-        crossings.sort_unstable_by(f32::total_cmp);
+        let ray = Ray {
+            t_max: f32::INFINITY,
+            ..*ray
+        };
+        let hits = self.hits_of(frame, &ray, instance);
+        let mut crossings: Vec<f32> = hits.iter().map(|hit| hit.t).collect();
         // An edge may be met by both of its triangles.
         crossings.dedup_by(|a, b| (*a - *b).abs() <= 1e-6 * b.abs());
         crossings
+    }
+
+    /// All hits in `[t_min, t_max]` of one instance, in the order of their distances.
+    pub fn hits_of(&self, frame: &SceneFrame, ray: &Ray, instance: u32) -> Vec<Hit> {
+        let (bvh, ray) = on_instance(frame, instance, ray, ray.t_max);
+        let mut hits = Vec::new();
+        bvh.occluded_where(&ray, |hit| {
+            hits.push(Hit::new(instance, hit));
+            false
+        });
+        hits.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)));
+        hits
     }
 
     /// The first hit in `[t_min, t_max]` of one instance.

@@ -25,6 +25,9 @@ use crate::surface::{self, Passage, Surface};
 /// Bounces before Russian roulette may end a path; Cycles begins there too.
 const ROULETTE_FROM: u32 = 3;
 
+/// Density [1/sr] below which a scattered ray sees no bevels; Cycles has the same limit.
+const BLURRED_PDF: f32 = 8.0;
+
 /// Share of the distance to a light at which a shadow ray ends, so that it does not meet the light.
 const SHADOW_END: f32 = 1.0 - 1e-4;
 
@@ -578,6 +581,7 @@ impl<'a> Tracer<'a> {
             accel: self.accel,
             sampler,
             vertex: bounces.total,
+            is_blurred: bounces.least_pdf.is_some_and(|pdf| pdf < BLURRED_PDF),
             time: ray.time,
         }
     }
@@ -756,8 +760,8 @@ impl<'a> Tracer<'a> {
             }
             return gathered;
         }
-        let (mut surface, passed) = self.arrive(ray, &from.bounces, sampler);
         let bounces = from.bounces.along(from.pdf_solid_angle);
+        let (mut surface, passed) = self.arrive(ray, &bounces, sampler);
         if let Some(surface) = &mut surface {
             self.calm(surface, &bounces);
         }

@@ -152,8 +152,8 @@ const MULTISCATTER: Parameter = Modes(&[OFF_ON]);
 const WALKS: &[&str] = &["RANDOM_WALK", "RANDOM_WALK_SKIN"];
 const DIMENSIONS: &[&str] = &["1D", "2D", "3D", "4D"];
 
-/// The operation that asks what is around the point.
-pub(super) const AROUND: &str = "ambient_occlusion";
+/// The operations that ask what is around the point.
+pub(super) const AROUND: [&str; 2] = ["ambient_occlusion", "bevel"];
 
 /// Everything an instruction may do; its number is the row.
 #[rustfmt::skip]
@@ -211,10 +211,11 @@ pub static OPERATIONS: &[Operation] = &[
     here("light_falloff", &["Strength", "Smooth"], Modes(&[&["Quadratic", "Linear", "Constant"]]), input::light_falloff),
     here("vector_transform", &["Vector"], Modes(&[&["POINT", "VECTOR", "NORMAL"], &["WORLD", "OBJECT", "CAMERA"], &["WORLD", "OBJECT", "CAMERA"]]), input::vector_transform),
     here("wireframe", &["Size"], None, input::wireframe),
-    here(AROUND, &["Distance", "Normal", "samples"], Modes(&[OFF_ON, OFF_ON]), input::ambient_occlusion),
+    here("ambient_occlusion", &["Distance", "Normal", "samples"], Modes(&[OFF_ON, OFF_ON]), input::ambient_occlusion),
     here("fresnel", &["IOR", "Normal"], None, normal::fresnel),
     here("layer_weight", &["Blend", "Normal"], Modes(&[&["Fresnel", "Facing"]]), normal::layer_weight),
     here("normal_map", &["Strength", "Color", "Tangent", "Sign"], Modes(&[&["TANGENT", "OBJECT", "WORLD", "BLENDER_OBJECT", "BLENDER_WORLD"]]), normal::normal_map),
+    here("bevel", &["Radius", "Normal", "samples"], None, input::bevel),
     here("bump", &["Strength", "Distance", "Normal", "Height", "Height X", "Height Y"], Modes(&[OFF_ON, OFF_ON]), normal::bump),
     here("displacement", &["Height", "Midlevel", "Scale", "Normal"], Modes(&[&["OBJECT", "WORLD"]]), normal::displacement),
     here("height", &["Displacement"], None, normal::height),

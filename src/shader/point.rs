@@ -66,6 +66,10 @@ pub trait Around {
     /// Share of the directions about a unit normal at a point, weighted by their cosine, in which
     /// nothing lies.
     fn openness(&self, point: &Point, normal: Vec3A, search: &Search) -> f32;
+
+    /// The unit normal of the point's own instance once its edges are rounded with a radius [m], on
+    /// the viewer's side, from `count` points nearby; `None` where nobody would see it.
+    fn rounded(&self, point: &Point, radius: f32, count: u32) -> Option<Vec3A>;
 }
 
 /// How a program looks for things around.

@@ -388,7 +388,7 @@ impl Draft {
             }
             program.has_variations |=
                 instruction.variation != 0 || instruction.operation.name == "bump";
-            program.asks_around |= instruction.operation.name == AROUND;
+            program.asks_around |= AROUND.contains(&instruction.operation.name);
             program.steps.push(Step {
                 act: self.act_of(instruction),
                 first_operand,

@@ -124,6 +124,19 @@ def occlusion_in(stage: Stage, socket: str, strength: float = 0.0, **values: Any
     finish(stage, tree, add_node(tree, PRINCIPLED, **inputs))
 
 
+def bevelled(stage: Stage, kind: str, **values: Any) -> None:
+    """Rounded edges of a cube that stands nearer, and of a cylinder."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    bevel = add_node(tree, "ShaderNodeBevel", **values)
+    inputs = {"Color": ORANGE, "Normal": bevel.outputs["Normal"]}
+    finish(stage, tree, add_node(tree, kind, **inputs))
+    stage.cube.location.y -= 1.5
+    bpy.data.objects.remove(stage.ball)
+    bpy.ops.mesh.primitive_cylinder_add(vertices=12, location=(1.3, -1.0, 1.0))
+    stage.ball = bpy.context.object
+    give(stage.ball, stage.cube.data.materials[0])
+
+
 def on_image(stage: Stage, kind: str, socket: str = "Color", out: int = 0, **values: Any) -> None:
     """A node that changes the colours of an image."""
     tree = node_tree(bpy.data.materials.new("Row"))
@@ -225,6 +238,9 @@ TEXTURES = table(
     ("Ambient Occlusion, inside", occlusion_in, {"socket": "Base Color", "inside": True, "Distance": 0.5}),
     ("Ambient Occlusion, only local", occlusion_in, {"socket": "Base Color", "only_local": True, "inside": True, "Distance": 1.0}),
     ("Ambient Occlusion, emission", occlusion_in, {"socket": "Emission Color", "strength": 1.0, "Distance": 2.0}),
+    ("Bevel", bevelled, {"kind": "ShaderNodeBsdfDiffuse", "Radius": 0.3}),
+    ("Bevel, many samples", bevelled, {"kind": "ShaderNodeBsdfDiffuse", "Radius": 0.5, "samples": 16}),
+    ("Bevel, glossy", bevelled, {"kind": "ShaderNodeBsdfAnisotropic", "Radius": 0.3}),
     ("Wireframe", value_in, {"kind": "ShaderNodeWireframe", "Size": 0.1}),
     ("Hue/Saturation", on_image, {"kind": "ShaderNodeHueSaturation", "Hue": 0.7, "Saturation": 0.5}),
     ("Gamma", on_image, {"kind": "ShaderNodeGamma", "Gamma": 2.0}),

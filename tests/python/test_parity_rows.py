@@ -27,6 +27,7 @@ NAMES = (
     "shader: Toon",
     "texture: Ambient Occlusion",
     "texture: Ambient Occlusion, emission",
+    "texture: Bevel",
     "shader: Toon, glossy",
     "geometry: hair curves, 3D",
     "geometry: hair particles",

@@ -318,6 +318,7 @@ VORONOI_HASH = "=PCG" if bpy.app.version >= (5, 0, 0) else "=LOOKUP3"
 NODES: dict[str, Callable[[Compiler, Source], Operand]] = {
     "ShaderNodeAmbientOcclusion": ambient_occlusion,
     "ShaderNodeAttribute": attribute,
+    "ShaderNodeBevel": Rule("bevel"),
     "ShaderNodeBlackbody": Rule("blackbody"),
     "ShaderNodeBrightContrast": Rule("bright_contrast"),
     "ShaderNodeBump": bump,

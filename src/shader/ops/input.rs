@@ -90,6 +90,20 @@ pub fn ambient_occlusion(a: &Args) -> Vec3A {
     Vec3A::splat(open)
 }
 
+/// The normal of a surface whose edges are round. A bent normal stays as bent as it is.
+pub fn bevel(a: &Args) -> Vec3A {
+    let (p, radius, count) = (a.point, a.float(0), a.float(2) as u32);
+    let bent = a.vector(1).try_normalize().unwrap_or(p.normal);
+    let rounded = match p.ray.around {
+        Some(around) if radius > 0.0 && count > 0 => around.rounded(p, radius, count),
+        _ => None,
+    };
+    match rounded {
+        Some(rounded) => (bent + rounded - p.normal).normalize_or(bent),
+        None => bent,
+    }
+}
+
 /// One on the edges of triangles, which are as wide as the operand says [m]: a half on each side.
 pub fn wireframe(a: &Args) -> Vec3A {
     let [e, f] = a.point.edges;
