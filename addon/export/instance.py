@@ -324,6 +324,9 @@ class InstanceTable:
             return []
 
     def _mesh_shapes(self, owner: bpy.types.Object) -> list[Shape]:
+        if is_adaptive(owner, self.depsgraph.scene):
+            what = "adaptive subdivision is not rendered yet (the modifier's own levels are used)"
+            self.warnings.add(owner.name, what)
         rows = self._material_rows(owner)
         layers = self.layers.union(*(self.materials.layers[row] for row in rows))
         mesh = self._mesh(owner, layers)
@@ -418,6 +421,18 @@ class InstanceTable:
             self._slot_lists[key] = (len(self._slot_materials), len(rows))
             self._slot_materials += rows
         return self._slot_lists[key]
+
+
+def is_adaptive(owner: Any, scene: Any) -> bool:
+    """Whether Cycles would divide an object's mesh as finely as the picture wants it."""
+    last = owner.modifiers[-1] if owner.modifiers else None
+    if last is None or last.type != "SUBSURF" or not last.show_render:
+        return False
+    if hasattr(last, "use_adaptive_subdivision"):  # Blender 5
+        return last.use_adaptive_subdivision
+    cycles, settings = getattr(owner.original, "cycles", None), getattr(scene, "cycles", None)
+    is_experimental = getattr(settings, "feature_set", "") == "EXPERIMENTAL"
+    return is_experimental and getattr(cycles, "use_adaptive_subdivision", False)
 
 
 # What becomes triangles, by the object's type. Texts, metaballs and surfaces are instances of type

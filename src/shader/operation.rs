@@ -218,6 +218,7 @@ pub static OPERATIONS: &[Operation] = &[
     here("bevel", &["Radius", "Normal", "samples"], None, input::bevel),
     here("bump", &["Strength", "Distance", "Normal", "Height", "Height X", "Height Y"], Modes(&[OFF_ON, OFF_ON]), normal::bump),
     here("displacement", &["Height", "Midlevel", "Scale", "Normal"], Modes(&[&["OBJECT", "WORLD"]]), normal::displacement),
+    here("vector_displacement", &["Vector", "Midlevel", "Scale", "Tangent", "Sign"], Modes(&[&["TANGENT", "OBJECT", "WORLD"]]), normal::vector_displacement),
     here("height", &["Displacement"], None, normal::height),
     here("uv_tangent", &[], Attribute, normal::uv_tangent),
     here("radial_tangent", &["Generated"], Modes(&[&["X", "Y", "Z"]]), normal::radial_tangent),

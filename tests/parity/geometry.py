@@ -124,6 +124,17 @@ def displaced(stage: Stage, method: str, is_smooth: bool = True, space: str = "O
         thing.data.shade_smooth() if is_smooth else thing.data.shade_flat()
 
 
+def displaced_by_vectors(stage: Stage, space: str) -> None:
+    """Noise that moves the vertices of the ball, and of a grid in the place of the cube, aside."""
+    displaced(stage, "DISPLACEMENT")
+    tree = bpy.data.materials["Row"].node_tree
+    noise = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeTexNoise")
+    move = add_node(
+        tree, "ShaderNodeVectorDisplacement", space=space, Vector=noise.outputs[1], Midlevel=0.5
+    )
+    tree.links.new(move.outputs[0], output(tree).inputs["Displacement"])
+
+
 def points(stage: Stage, radius: float) -> None:
     """A point cloud, made by Geometry Nodes from the corners of the ball."""
     tree: Any = bpy.data.node_groups.new("Points", "GeometryNodeTree")
@@ -204,6 +215,9 @@ ROWS = table(
     ("displaced by bumps alone, flat", displaced, {"method": "BUMP", "is_smooth": False}),
     ("displaced and bumped", displaced, {"method": "BOTH"}),
     ("displaced and bumped, flat", displaced, {"method": "BOTH", "is_smooth": False}),
+    ("displaced by vectors, tangent space", displaced_by_vectors, {"space": "TANGENT"}),
+    ("displaced by vectors, object space", displaced_by_vectors, {"space": "OBJECT"}),
+    ("displaced by vectors, world space", displaced_by_vectors, {"space": "WORLD"}),
     ("point cloud", points, {"radius": 0.15}),
     ("instances on vertices", instances, {"side": 8}),
     ("instances, mirrored and stretched", scaled_instances),

@@ -726,3 +726,18 @@ def test_the_scene_is_left_as_it_was() -> None:
     export_now()
     assert before == {name: len(getattr(bpy.data, name)) for name in before}
     assert scene().frame_current == 3
+
+
+def test_adaptive_subdivision_is_named(scene: Any) -> None:
+    owner = add_mesh()
+    modifier = owner.modifiers.new("Subdivision", "SUBSURF")
+    assert export_now().warnings == []
+    if bpy.app.version < (5, 0, 0):
+        scene.cycles.feature_set = "EXPERIMENTAL"
+        owner.cycles.use_adaptive_subdivision = True
+    else:
+        modifier.use_adaptive_subdivision = True
+    (warning,) = export_now().warnings
+    assert warning.startswith("'Mesh': adaptive subdivision is not rendered yet")
+    modifier.show_render = False
+    assert export_now().warnings == []

@@ -281,6 +281,16 @@ def displaced_normal(compiler: Compiler, displacement: Source, is_moved: bool) -
     return compiler.emit("bump", ONE, ONE, ZERO, *heights, parameter=modes)
 
 
+def vector_displacement(compiler: Compiler, source: Source) -> Operand:
+    """The Vector Displacement node; its tangents are those of the UV map that is rendered."""
+    frame: tuple[Operand, Operand] = (ZERO, ONE)
+    if source.node.space == "TANGENT":
+        frame = compiler.layer("tangent:"), compiler.layer("tangent:", "attribute_alpha")
+    operands = [compiler.input(source, name) for name in ("Vector", "Midlevel", "Scale")]
+    space = (source.node.space,)
+    return compiler.emit_with_modes(source, "vector_displacement", [*operands, *frame], space)
+
+
 def tangent(compiler: Compiler, source: Source) -> Operand:
     """The Tangent node."""
     node = source.node
@@ -374,6 +384,7 @@ NODES: dict[str, Callable[[Compiler, Source], Operand]] = {
     "ShaderNodeUVMap": uv_map,
     "ShaderNodeValToRGB": ramp,
     "ShaderNodeVectorCurve": curves,
+    "ShaderNodeVectorDisplacement": vector_displacement,
     "ShaderNodeVectorMath": Rule("vector_math", ("operation",)),
     "ShaderNodeVectorRotate": Rule("vector_rotate", ("rotation_type", "invert")),
     "ShaderNodeVectorTransform": Rule(

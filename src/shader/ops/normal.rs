@@ -135,6 +135,28 @@ pub fn displacement(a: &Args) -> Vec3A {
         .transform_vector3a(distance * normal_object)
 }
 
+/// The same by a vector: in the object's space, in world space, or along tangent, normal and
+/// bitangent of a UV map.
+pub fn vector_displacement(a: &Args) -> Vec3A {
+    let (point, mode) = (a.point, a.mode(0));
+    let moved = (a.vector(0) - a.float(1)) * a.float(2);
+    if mode == 2 {
+        return moved;
+    }
+    let moved = match mode {
+        0 => {
+            let normal = point.world_from_object.matrix3.transpose() * point.normal;
+            let normal = normal.normalize_or_zero();
+            let tangent = a.vector(3).try_normalize();
+            let tangent = tangent.unwrap_or_else(|| normal.any_orthonormal_vector());
+            let bitangent = a.float(4) * normal.cross(tangent).normalize_or_zero();
+            Mat3A::from_cols(tangent, normal, bitangent) * moved
+        }
+        _ => moved,
+    };
+    point.world_from_object.transform_vector3a(moved)
+}
+
 /// How far a displacement lifts the surface.
 pub fn height(a: &Args) -> Vec3A {
     Vec3A::splat(a.vector(0).dot(a.point.normal))
