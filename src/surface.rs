@@ -227,11 +227,17 @@ impl Surface {
                 bent(glass.normal),
                 glass.roughness,
                 glass.ior,
-                glass.is_multiscatter,
+                glass.distribution,
             ),
             Closure::Refraction(glass) => {
                 let weight = scaled(glass.weight) * glass.color.max(Vec3A::ZERO);
-                bsdf.add_refraction(weight, bent(glass.normal), glass.roughness, glass.ior);
+                bsdf.add_refraction(
+                    weight,
+                    bent(glass.normal),
+                    glass.roughness,
+                    glass.ior,
+                    glass.distribution,
+                );
             }
             Closure::Translucent {
                 weight,
@@ -425,7 +431,7 @@ fn add_glossy(bsdf: &mut Bsdf, glossy: &Glossy, weight: Vec3A, point: &Point) {
         normal,
         glossy.roughness,
         grain,
-        glossy.is_multiscatter,
+        glossy.distribution,
     );
 }
 

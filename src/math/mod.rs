@@ -2,6 +2,7 @@
 
 use glam::Vec3A;
 
+mod beckmann;
 pub mod cone;
 mod filter;
 mod frame;
@@ -11,6 +12,7 @@ mod ray;
 pub(crate) mod statistics;
 pub mod warp;
 
+pub use beckmann::Beckmann;
 pub use filter::PixelFilter;
 pub use frame::Frame;
 pub use ggx::Ggx;

@@ -66,7 +66,7 @@ pub struct Glossy {
     pub rotation: f32,
     pub normal: Vec3A,
     pub tangent: Vec3A,
-    pub is_multiscatter: bool,
+    pub distribution: Distribution,
 }
 
 /// Inputs of Blender's Glass and Refraction BSDFs.
@@ -78,8 +78,22 @@ pub struct Glass {
     pub roughness: f32,
     pub ior: f32,
     pub normal: Vec3A,
-    pub is_multiscatter: bool,
+    pub distribution: Distribution,
 }
+
+/// How microfacets lie, in the order of [`DISTRIBUTIONS`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Distribution {
+    /// GGX; light that bounces between microfacets is lost.
+    Ggx,
+    /// GGX, with that light.
+    MultiGgx,
+    /// Beckmann, without it.
+    Beckmann,
+}
+
+/// What Blender calls them.
+pub const DISTRIBUTIONS: &[&str] = &["GGX", "MULTI_GGX", "BECKMANN"];
 
 /// Inputs of Blender's Toon BSDF.
 #[derive(Debug, Clone, Copy, PartialEq)]

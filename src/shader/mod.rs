@@ -17,7 +17,7 @@ mod ops;
 mod point;
 mod program;
 
-pub use closure::{Closure, Glass, Glossy, Principled, Subsurface, Volume};
+pub use closure::{Closure, Distribution, Glass, Glossy, Principled, Subsurface, Volume};
 pub use operation::{OPERATIONS, Operation, Parameter};
 pub use ops::TABLE_SIZE;
 pub use point::{

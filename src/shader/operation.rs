@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{Vec3A, Vec4};
 
-use super::closure::Closure;
+use super::closure::{Closure, DISTRIBUTIONS};
 use super::ops::{
     closures, color, convert, input, noise, normal, pattern, texture, vector, voronoi,
 };
@@ -146,8 +146,6 @@ const fn closure(
 use Parameter::{Attribute, Modes, None, Table};
 
 const OFF_ON: &[&str] = &["False", "True"];
-/// Whether light that bounces between microfacets is kept.
-const MULTISCATTER: Parameter = Modes(&[OFF_ON]);
 /// How light walks below a surface.
 const WALKS: &[&str] = &["RANDOM_WALK", "RANDOM_WALK_SKIN"];
 const DIMENSIONS: &[&str] = &["1D", "2D", "3D", "4D"];
@@ -224,9 +222,9 @@ pub static OPERATIONS: &[Operation] = &[
     here("radial_tangent", &["Generated"], Modes(&[&["X", "Y", "Z"]]), normal::radial_tangent),
     closure("principled", &["Weight", "Base Color", "Metallic", "Roughness", "IOR", "Normal", "Diffuse Roughness", "Subsurface Weight", "Subsurface Radius", "Subsurface Scale", "Specular IOR Level", "Specular Tint", "Anisotropic", "Anisotropic Rotation", "Tangent", "Transmission Weight", "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal", "Sheen Weight", "Sheen Roughness", "Sheen Tint", "Thin Film Thickness", "Thin Film IOR", "Subsurface IOR", "Subsurface Anisotropy"], Modes(&[OFF_ON, WALKS]), closures::principled),
     closure("diffuse", &["Weight", "Color", "Roughness", "Normal"], None, closures::diffuse),
-    closure("glossy", &["Weight", "Color", "Roughness", "Anisotropy", "Rotation", "Normal", "Tangent"], MULTISCATTER, closures::glossy),
-    closure("glass", &["Weight", "Color", "Roughness", "IOR", "Normal"], MULTISCATTER, closures::glass),
-    closure("refraction", &["Weight", "Color", "Roughness", "IOR", "Normal"], None, closures::refraction),
+    closure("glossy", &["Weight", "Color", "Roughness", "Anisotropy", "Rotation", "Normal", "Tangent"], Modes(&[DISTRIBUTIONS]), closures::glossy),
+    closure("glass", &["Weight", "Color", "Roughness", "IOR", "Normal"], Modes(&[DISTRIBUTIONS]), closures::glass),
+    closure("refraction", &["Weight", "Color", "Roughness", "IOR", "Normal"], Modes(&[DISTRIBUTIONS]), closures::refraction),
     closure("translucent", &["Weight", "Color", "Normal"], None, closures::translucent),
     closure("sheen", &["Weight", "Color", "Roughness", "Normal"], None, closures::sheen),
     closure("toon", &["Weight", "Color", "Size", "Smooth", "Normal"], Modes(&[&["DIFFUSE", "GLOSSY"]]), closures::toon),

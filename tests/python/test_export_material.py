@@ -293,7 +293,7 @@ def test_an_unknown_shader_is_named_and_stands_in_as_diffuse() -> None:
 def test_distributions_beyond_are_named() -> None:
     def build(tree: Any) -> Any:
         brushed = node(tree, "ShaderNodeBsdfAnisotropic", Anisotropy=0.5)
-        brushed.distribution = "BECKMANN"
+        brushed.distribution = "ASHIKHMIN_SHIRLEY"
         cloth = node(tree, "ShaderNodeBsdfSheen")
         cloth.distribution = "ASHIKHMIN"
         return node(
@@ -303,7 +303,7 @@ def test_distributions_beyond_are_named() -> None:
     (glossy, _), warnings = closures_of(build)
     assert glossy["anisotropy"] == 0.5
     assert warnings == [
-        "'Wood': Beckmann distribution is not rendered yet (GGX is used)",
+        "'Wood': Ashikhmin-Shirley distribution is not rendered yet (GGX is used)",
         "'Wood': Ashikhmin distribution is not rendered yet (Microfiber is used)",
     ]
 

@@ -24,6 +24,8 @@ NAMES = (
     "world: Sky Texture, sun towards -X",
     "film: transparent glass, rough",
     "shader: Glass, GGX alone",
+    "shader: Glossy, Beckmann",
+    "shader: Refraction",
     "shader: Toon",
     "texture: Ambient Occlusion",
     "texture: Ambient Occlusion, emission",

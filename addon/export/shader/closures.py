@@ -52,12 +52,19 @@ def _closure(compiler: Compiler, source: Source, name: str, weight: Operand) -> 
 
 def _modes(source: Source, operation: Operation) -> list[str]:
     """What the node chooses of each of the operation's lists."""
-    keeps_all = getattr(source.node, "distribution", "") == "MULTI_GGX"
+    distribution = getattr(source.node, "distribution", "")
     walk = getattr(source.node, "subsurface_method", getattr(source.node, "falloff", ""))
     component = getattr(source.node, "component", "")  # of Toon
     walk = "RANDOM_WALK_SKIN" if walk == "RANDOM_WALK_SKIN" else "RANDOM_WALK"
-    chosen = (str(keeps_all), walk, component)
+    keeps_all = str(distribution == "MULTI_GGX")
+    distribution = distribution if distribution in DISTRIBUTIONS else "GGX"
+    chosen = (keeps_all, distribution, walk, component)
     return [mode for modes in operation.modes for mode in chosen if mode in modes]
+
+
+# How microfacets may lie, and the closures that know all of them.
+DISTRIBUTIONS = ("GGX", "MULTI_GGX", "BECKMANN")
+MICROFACETS = ("glossy", "glass", "refraction")
 
 
 def closure(name: str) -> Shader:
@@ -72,7 +79,8 @@ def closure(name: str) -> Shader:
 
 def _warn_of_closure(compiler: Compiler, source: Source, name: str) -> None:
     distribution = getattr(source.node, "distribution", "GGX")
-    if distribution not in ("GGX", "MULTI_GGX", "MICROFIBER"):
+    known = DISTRIBUTIONS if name in MICROFACETS else ("GGX", "MULTI_GGX", "MICROFIBER")
+    if distribution not in known:
         instead = "Microfiber" if name == "sheen" else "GGX"
         what = distribution.replace("_", "-").title()
         compiler.missing(f"{what} distribution", f"{instead} is used")

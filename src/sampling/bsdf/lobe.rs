@@ -7,7 +7,7 @@ use super::microfacet::{Interface, Reflection};
 use super::phase::Phase;
 use super::toon::Toon;
 use super::{Part, Scattered};
-use crate::math::Ggx;
+use crate::math::Beckmann;
 use crate::math::warp::sample_cosine_hemisphere;
 
 /// How a closure scatters.
@@ -15,6 +15,8 @@ use crate::math::warp::sample_cosine_hemisphere;
 pub enum Model {
     Reflection(Reflection),
     Interface(Interface),
+    BeckmannReflection(Reflection<Beckmann>),
+    BeckmannInterface(Interface<Beckmann>),
     OrenNayar(OrenNayar),
     Sheen(Sheen),
     Translucent(Translucent),
@@ -77,6 +79,7 @@ impl Lobe {
     pub fn is_transmissive(&self) -> bool {
         match &self.model {
             Model::Interface(interface) => interface.is_transmissive(),
+            Model::BeckmannInterface(interface) => interface.is_transmissive(),
             _ => self.transmitted != Vec3A::ZERO,
         }
     }
@@ -94,6 +97,10 @@ impl Lobe {
         match (&mut self.model, &other.model) {
             (Model::Reflection(own), Model::Reflection(other)) => own.fresnel.add(&other.fresnel),
             (Model::Interface(own), Model::Interface(other)) => own.add(other),
+            (Model::BeckmannReflection(own), Model::BeckmannReflection(other)) => {
+                own.fresnel.add(&other.fresnel);
+            }
+            (Model::BeckmannInterface(own), Model::BeckmannInterface(other)) => own.add(other),
             (Model::OrenNayar(own), Model::OrenNayar(other)) => own.weight += other.weight,
             (Model::Sheen(own), Model::Sheen(other)) => own.weight += other.weight,
             (Model::Translucent(own), Model::Translucent(other)) => own.weight += other.weight,
@@ -110,6 +117,8 @@ impl Lobe {
         match &mut self.model {
             Model::Reflection(r) => r.fresnel = r.fresnel.scaled(color),
             Model::Interface(i) => i.tint(color),
+            Model::BeckmannReflection(r) => r.fresnel = r.fresnel.scaled(color),
+            Model::BeckmannInterface(i) => i.tint(color),
             Model::OrenNayar(d) => d.weight *= color,
             Model::Sheen(s) => s.weight *= color,
             Model::Translucent(t) => t.weight *= color,
@@ -125,26 +134,32 @@ impl Lobe {
             (Part::Diffuse, true) | (Part::Glossy, false) => self.reflected = Vec3A::ZERO,
             _ => return,
         }
-        if let Model::Interface(interface) = &mut self.model {
-            interface.remove(part);
+        match &mut self.model {
+            Model::Interface(interface) => interface.remove(part),
+            Model::BeckmannInterface(interface) => interface.remove(part),
+            _ => {}
         }
     }
 
-    /// GGX alpha of its microfacets; one without any.
+    /// Alpha of its microfacets; one without any.
     pub fn alpha(&self) -> f32 {
         match &self.model {
-            Model::Reflection(r) => r.ggx.alpha(),
-            Model::Interface(i) => i.ggx.alpha(),
+            Model::Reflection(r) => r.facets.alpha(),
+            Model::Interface(i) => i.facets.alpha(),
+            Model::BeckmannReflection(r) => r.facets.alpha(),
+            Model::BeckmannInterface(i) => i.facets.alpha(),
             _ => 1.0,
         }
     }
 
-    /// The distribution of its microfacets, if it has any.
-    pub fn ggx_mut(&mut self) -> Option<&mut Ggx> {
+    /// Widens its microfacets, if it has any, to at least this alpha.
+    pub fn widen(&mut self, alpha: f32) {
         match &mut self.model {
-            Model::Reflection(r) => Some(&mut r.ggx),
-            Model::Interface(i) => Some(&mut i.ggx),
-            _ => None,
+            Model::Reflection(r) => r.facets = r.facets.at_least(alpha),
+            Model::Interface(i) => i.facets = i.facets.at_least(alpha),
+            Model::BeckmannReflection(r) => r.facets = r.facets.at_least(alpha),
+            Model::BeckmannInterface(i) => i.facets = i.facets.at_least(alpha),
+            _ => {}
         }
     }
 
@@ -154,6 +169,8 @@ impl Lobe {
         match &self.model {
             Model::Reflection(r) => r.eval(wo, wi),
             Model::Interface(i) => i.eval(wo, wi),
+            Model::BeckmannReflection(r) => r.eval(wo, wi),
+            Model::BeckmannInterface(i) => i.eval(wo, wi),
             Model::OrenNayar(d) => d.eval(wo, wi),
             Model::Sheen(s) => s.eval(wi),
             Model::Translucent(t) => t.eval(wi),
@@ -168,10 +185,11 @@ impl Lobe {
         match (&self.model, is_above) {
             (Model::Phase(_), _) => Some(Part::Volume),
             (_, true) if self.is_diffuse() => Some(Part::Diffuse),
-            (Model::Reflection(_) | Model::Interface(_) | Model::Toon(_), true) => {
-                Some(Part::Glossy)
+            (Model::Translucent(_), true) => None,
+            (_, true) => Some(Part::Glossy),
+            (Model::Translucent(_) | Model::Interface(_) | Model::BeckmannInterface(_), false) => {
+                Some(Part::Transmission)
             }
-            (Model::Translucent(_) | Model::Interface(_), false) => Some(Part::Transmission),
             _ => None,
         }
     }
@@ -181,6 +199,8 @@ impl Lobe {
         match &self.model {
             Model::Reflection(r) => Some(r.sample(wo, u)),
             Model::Interface(i) => i.sample(wo, u_choice, u),
+            Model::BeckmannReflection(r) => Some(r.sample(wo, u)),
+            Model::BeckmannInterface(i) => i.sample(wo, u_choice, u),
             Model::OrenNayar(_) => Some(sample_cosine_hemisphere(u)),
             Model::Sheen(s) => Some(s.sample(u)),
             Model::Translucent(_) => Some(Translucent::sample(u)),

@@ -1,4 +1,4 @@
-//! GGX microfacets that reflect, or reflect and refract, seen from a fixed direction in the basis of
+//! Microfacets that reflect, or reflect and refract, seen from a fixed direction in the basis of
 //! their normal.
 
 use glam::Vec3A;
@@ -6,20 +6,79 @@ use glam::Vec3A;
 use super::energy;
 use super::fresnel::{Curve, Fresnel};
 use super::{Part, Scattered};
-use crate::math::Ggx;
+use crate::math::{Beckmann, Ggx};
 
 /// Smallest GGX alpha (a roughness of 0.01): keeps every density finite in single precision. A
 /// mirror blurs by a hundredth of a degree, a hundredth of the sun's disk.
 pub const ALPHA_MIN: f32 = 1e-4;
 
+/// A distribution of microfacets in the basis of their mean normal.
+pub trait Facets: Copy {
+    /// Its width: the geometric mean of those along and across a grain.
+    fn alpha(self) -> f32;
+    /// Density of normals [1/sr], zero below the horizon.
+    fn distribution(self, normal: Vec3A) -> f32;
+    /// Share of them that both directions see.
+    fn masking_shadowing(self, wo: Vec3A, wi: Vec3A) -> f32;
+    /// A normal; one that is met from behind scatters nothing.
+    fn sample(self, wo: Vec3A, u: [f32; 2]) -> Vec3A;
+    /// Density of samples over that of the normals, times the cosine of `wo` to the mean normal over
+    /// that to `normal`.
+    fn sampled(self, wo: Vec3A, normal: Vec3A) -> f32;
+}
+
+impl Facets for Ggx {
+    fn alpha(self) -> f32 {
+        self.alpha()
+    }
+
+    fn distribution(self, normal: Vec3A) -> f32 {
+        self.distribution(normal)
+    }
+
+    fn masking_shadowing(self, wo: Vec3A, wi: Vec3A) -> f32 {
+        self.masking_shadowing(wo, wi)
+    }
+
+    fn sample(self, wo: Vec3A, u: [f32; 2]) -> Vec3A {
+        self.sample_visible_normal(wo, u)
+    }
+
+    fn sampled(self, wo: Vec3A, _: Vec3A) -> f32 {
+        self.masking(wo)
+    }
+}
+
+impl Facets for Beckmann {
+    fn alpha(self) -> f32 {
+        self.alpha()
+    }
+
+    fn distribution(self, normal: Vec3A) -> f32 {
+        self.distribution(normal)
+    }
+
+    fn masking_shadowing(self, wo: Vec3A, wi: Vec3A) -> f32 {
+        self.masking_shadowing(wo, wi)
+    }
+
+    fn sample(self, _: Vec3A, u: [f32; 2]) -> Vec3A {
+        self.sample(u)
+    }
+
+    fn sampled(self, wo: Vec3A, normal: Vec3A) -> f32 {
+        normal.z * wo.z / wo.dot(normal).abs().max(f32::MIN_POSITIVE)
+    }
+}
+
 /// Microfacets that reflect. Weight and compensation for multiple scattering are in the colours.
 #[derive(Debug, Clone, Copy)]
-pub struct Reflection {
-    pub ggx: Ggx,
+pub struct Reflection<F = Ggx> {
+    pub facets: F,
     pub fresnel: Fresnel,
 }
 
-impl Reflection {
+impl<F: Facets> Reflection<F> {
     /// Microfacets seen under the cosine `cos_wo`, and the share of white light that they reflect
     /// towards the viewer.
     ///
@@ -27,12 +86,12 @@ impl Reflection {
     /// for its "Multiscatter GGX": `1 + Fms (1 - E) / E` with Fms after Kulla and Conty 2017.
     pub fn new(
         weight: Vec3A,
-        ggx: Ggx,
+        facets: F,
         fresnel: Fresnel,
         is_multiscatter: bool,
         cos_wo: f32,
     ) -> (Self, Vec3A) {
-        let roughness = ggx.alpha().sqrt();
+        let roughness = facets.alpha().sqrt();
         let seen = fresnel.seen_under(roughness, cos_wo);
         let (scale, albedo) = if is_multiscatter {
             let single = energy::directional_albedo(roughness, cos_wo);
@@ -43,7 +102,7 @@ impl Reflection {
             (weight, weight * seen)
         };
         let fresnel = fresnel.scaled(scale);
-        (Self { ggx, fresnel }, albedo)
+        (Self { facets, fresnel }, albedo)
     }
 
     /// `f cos` [1/sr] and the density of [`Reflection::sample`] [1/sr]; `wo` is above z = 0.
@@ -52,18 +111,18 @@ impl Reflection {
             return None;
         }
         let half = (wo + wi).normalize_or(Vec3A::Z);
-        let common = self.ggx.distribution(half) / (4.0 * wo.z);
+        let common = self.facets.distribution(half) / (4.0 * wo.z);
         let fresnel = self.fresnel.at(wo.dot(half).clamp(0.0, 1.0));
         Some(Scattered {
             part: Part::Glossy,
-            value: fresnel * (common * self.ggx.masking_shadowing(wo, wi)),
-            pdf_solid_angle: common * self.ggx.masking(wo),
+            value: fresnel * (common * self.facets.masking_shadowing(wo, wi)),
+            pdf_solid_angle: common * self.facets.sampled(wo, half),
         })
     }
 
     /// A unit direction; it may lie below z = 0, where the lobe is black.
     pub fn sample(&self, wo: Vec3A, u: [f32; 2]) -> Vec3A {
-        let half = self.ggx.sample_visible_normal(wo, u);
+        let half = self.facets.sample(wo, u);
         (2.0 * wo.dot(half) * half - wo).normalize()
     }
 }
@@ -77,8 +136,8 @@ fn compensation(single: f32, average: f32, fresnel: Vec3A) -> Vec3A {
 
 /// Microfacets of glass: they reflect and refract.
 #[derive(Debug, Clone, Copy)]
-pub struct Interface {
-    pub ggx: Ggx,
+pub struct Interface<F = Ggx> {
+    pub facets: F,
     /// Index of refraction beyond the surface over that on the viewer's side.
     ior: f32,
     /// Whether it follows Fresnel; else all is refracted unless it cannot be.
@@ -94,8 +153,8 @@ pub struct Interface {
 /// What a glass surface is made of.
 #[derive(Debug, Clone, Copy)]
 pub struct Glass {
-    /// Distribution of its microfacets.
-    pub ggx: Ggx,
+    /// Alpha of its microfacets.
+    pub alpha: f32,
     /// Index of refraction beyond the surface over that on the viewer's side.
     pub ior: f32,
     /// Reflectance at normal incidence; `None` where all is refracted unless it cannot be.
@@ -110,7 +169,7 @@ pub struct Glass {
 /// then bend by less than a thousandth.
 const IOR_STEP: f32 = 1e-3;
 
-impl Interface {
+impl<F: Facets> Interface<F> {
     /// Glass seen under the cosine `cos_wo`, and the shares of white light that it reflects and
     /// refracts towards the viewer.
     ///
@@ -119,6 +178,7 @@ impl Interface {
     pub fn new(
         weight: Vec3A,
         glass: &Glass,
+        facets: F,
         is_multiscatter: bool,
         cos_wo: f32,
     ) -> (Self, [Vec3A; 2]) {
@@ -127,7 +187,7 @@ impl Interface {
         } else {
             glass.ior
         };
-        let roughness = glass.ggx.alpha().sqrt();
+        let roughness = glass.alpha.sqrt();
         let mut scale = weight;
         let mut single = 1.0;
         if is_multiscatter {
@@ -136,7 +196,7 @@ impl Interface {
             scale *= compensation(single, average, glass.transmission_tint);
         }
         let interface = Self {
-            ggx: glass.ggx,
+            facets,
             ior,
             reflects: glass.f0.is_some(),
             f0: glass.f0.unwrap_or(Vec3A::ZERO),
@@ -161,7 +221,7 @@ impl Interface {
     }
 
     /// Takes up what another one scatters.
-    pub fn add(&mut self, other: &Interface) {
+    pub fn add(&mut self, other: &Self) {
         self.reflection += other.reflection;
         self.transmission += other.transmission;
     }
@@ -217,11 +277,11 @@ impl Interface {
         } else {
             (Part::Transmission, split[1], refracted / total)
         };
-        let common = self.ggx.distribution(half) / wo.z * jacobian;
+        let common = self.facets.distribution(half) / wo.z * jacobian;
         Some(Scattered {
             part,
-            value: color * (common * self.ggx.masking_shadowing(wo, wi)),
-            pdf_solid_angle: probability * common * self.ggx.masking(wo),
+            value: color * (common * self.facets.masking_shadowing(wo, wi)),
+            pdf_solid_angle: probability * common * self.facets.sampled(wo, half),
         })
     }
 
@@ -248,8 +308,11 @@ impl Interface {
 
     /// A unit direction, reflected or refracted as `u_choice` decides; none where nothing is.
     pub fn sample(&self, wo: Vec3A, u_choice: f32, u: [f32; 2]) -> Option<Vec3A> {
-        let half = self.ggx.sample_visible_normal(wo, u);
+        let half = self.facets.sample(wo, u);
         let cos = wo.dot(half);
+        if cos <= 0.0 {
+            return None;
+        }
         let [reflected, refracted] = self.split(cos.clamp(0.0, 1.0)).map(Vec3A::element_sum);
         let total = reflected + refracted;
         if !(total > 0.0) {

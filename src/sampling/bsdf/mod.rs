@@ -27,7 +27,8 @@ mod toon;
 use glam::{Quat, Vec3A};
 
 use crate::math::warp::{pdf_cosine_hemisphere, sample_cosine_hemisphere};
-use crate::math::{Frame, Ggx, luminance};
+use crate::math::{Beckmann, Frame, Ggx, luminance};
+use crate::shader::Distribution;
 use diffuse::{OrenNayar, Sheen, Translucent};
 use fresnel::{Curve, Fresnel, f0_from_ior};
 use lobe::{Lobe, Model};
@@ -318,14 +319,14 @@ impl Bsdf {
         normal: Vec3A,
         roughness: f32,
         (anisotropy, tangent): (f32, Vec3A),
-        is_multiscatter: bool,
+        distribution: Distribution,
     ) {
         let color = color.clamp(Vec3A::ZERO, Vec3A::ONE);
         let normal = self.reflecting_normal(normal);
         let alpha = alpha_of(roughness);
         let anisotropy = anisotropy.clamp(-0.99, 0.99);
-        let (tangent, ggx) = if anisotropy == 0.0 {
-            (None, Ggx::isotropic(alpha))
+        let (tangent, [along, across]) = if anisotropy == 0.0 {
+            (None, [alpha, alpha])
         } else {
             let (narrow, wide) = (1.0 - anisotropy.abs(), 1.0 / (1.0 - anisotropy.abs()));
             let [along, across] = if anisotropy < 0.0 {
@@ -334,23 +335,47 @@ impl Bsdf {
                 [narrow, wide]
             };
             let limited = |factor: f32| (alpha * factor).clamp(ALPHA_MIN, 1.0);
-            (Some(tangent), Ggx::new(limited(along), limited(across)))
+            (Some(tangent), [limited(along), limited(across)])
         };
         let view = self.view(normal, tangent);
         let fresnel = Fresnel::new(Curve::Schlick, color, color);
-        self.add_reflection(view, weight, ggx, fresnel, is_multiscatter);
+        if distribution == Distribution::Beckmann {
+            let (facets, cos) = (Beckmann::new(along, across), self.cos_wo(view));
+            let (model, albedo) = Reflection::new(weight, facets, fresnel, false, cos);
+            self.add(
+                view,
+                Model::BeckmannReflection(model),
+                [albedo, Vec3A::ZERO],
+            );
+            return;
+        }
+        let is_multiscatter = distribution == Distribution::MultiGgx;
+        self.add_reflection(
+            view,
+            weight,
+            Ggx::new(along, across),
+            fresnel,
+            is_multiscatter,
+        );
     }
 
     /// Adds a Refraction BSDF; the weight includes its colour.
-    pub fn add_refraction(&mut self, weight: Vec3A, normal: Vec3A, roughness: f32, ior: f32) {
+    pub fn add_refraction(
+        &mut self,
+        weight: Vec3A,
+        normal: Vec3A,
+        roughness: f32,
+        ior: f32,
+        distribution: Distribution,
+    ) {
         let glass = Glass {
-            ggx: Ggx::isotropic(alpha_of(roughness)),
+            alpha: alpha_of(roughness),
             ior: self.relative_ior(ior),
             f0: None,
             reflection_tint: Vec3A::ZERO,
             transmission_tint: Vec3A::ONE,
         };
-        self.add_interface(weight, normal, &glass, false);
+        self.add_interface(weight, normal, &glass, distribution);
     }
 
     /// Adds a Glass BSDF.
@@ -361,17 +386,17 @@ impl Bsdf {
         normal: Vec3A,
         roughness: f32,
         ior: f32,
-        is_multiscatter: bool,
+        distribution: Distribution,
     ) {
         let color = color.max(Vec3A::ZERO);
         let glass = Glass {
-            ggx: Ggx::isotropic(alpha_of(roughness)),
+            alpha: alpha_of(roughness),
             ior: self.relative_ior(ior),
             f0: Some(Vec3A::splat(f0_from_ior(ior.max(1e-5)))),
             reflection_tint: color,
             transmission_tint: color,
         };
-        self.add_interface(weight, normal, &glass, is_multiscatter);
+        self.add_interface(weight, normal, &glass, distribution);
     }
 
     /// Adds a Sheen BSDF (microfibre); the weight includes its colour. Returns its albedo.
@@ -426,11 +451,21 @@ impl Bsdf {
         weight: Vec3A,
         normal: Vec3A,
         glass: &Glass,
-        is_multiscatter: bool,
+        distribution: Distribution,
     ) {
         let view = self.view(self.reflecting_normal(normal), None);
         let cos = self.cos_wo(view);
-        let (model, albedos) = Interface::new(weight, glass, is_multiscatter, cos);
+        if distribution == Distribution::Beckmann {
+            let facets = Beckmann::new(glass.alpha, glass.alpha);
+            let (model, albedos) = Interface::new(weight, glass, facets, false, cos);
+            self.add(view, Model::BeckmannInterface(model), albedos);
+            return;
+        }
+        let (facets, is_multiscatter) = (
+            Ggx::isotropic(glass.alpha),
+            distribution == Distribution::MultiGgx,
+        );
+        let (model, albedos) = Interface::new(weight, glass, facets, is_multiscatter, cos);
         self.add(view, Model::Interface(model), albedos);
     }
 
@@ -517,9 +552,7 @@ impl Bsdf {
     /// Widens every glossy closure to at least this GGX alpha. Its energy stays what it was.
     pub fn blur(&mut self, alpha: f32) {
         for lobe in &mut self.lobes[..self.lobe_count as usize] {
-            if let Some(ggx) = lobe.ggx_mut() {
-                *ggx = ggx.at_least(alpha);
-            }
+            lobe.widen(alpha);
         }
     }
 
@@ -727,7 +760,11 @@ impl Bsdf {
     /// least this GGX alpha.
     pub fn gloss(&self, least_alpha: f32) -> Option<Gloss> {
         let gloss = |(index, lobe): (usize, &Lobe)| {
-            let Model::Reflection(Reflection { ggx, fresnel }) = lobe.model else {
+            let Model::Reflection(Reflection {
+                facets: ggx,
+                fresnel,
+            }) = lobe.model
+            else {
                 return None;
             };
             let is_wide = ggx.is_isotropic() && ggx.alpha() >= least_alpha;

@@ -13,6 +13,7 @@ use super::fresnel::{Curve, Fresnel, f0_from_ior, ior_from_f0};
 use super::microfacet::Glass;
 use super::{Bsdf, rotated_about};
 use crate::math::Ggx;
+use crate::shader::Distribution;
 
 /// Principled BSDF after its textures. Names and ranges are those of the node's sockets.
 #[derive(Debug, Clone, Copy)]
@@ -181,14 +182,18 @@ impl Bsdf {
         let ior = params.ior.max(1e-5);
         let f0 = f0_from_ior(ior) * params.specular_tint;
         let glass = Glass {
-            ggx: isotropic(params.roughness),
+            alpha: super::alpha_of(params.roughness),
             ior: self.relative_ior(ior),
             f0: Some(f0.clamp(Vec3A::ZERO, Vec3A::ONE)),
             reflection_tint: Vec3A::ONE,
             // Light passes a body through two surfaces: each takes the root of the colour.
             transmission_tint: params.base_color.clamp(Vec3A::ZERO, Vec3A::ONE).powf(0.5),
         };
-        self.add_interface(weight, params.normal, &glass, params.is_multiscatter);
+        let distribution = match params.is_multiscatter {
+            true => Distribution::MultiGgx,
+            false => Distribution::Ggx,
+        };
+        self.add_interface(weight, params.normal, &glass, distribution);
     }
 
     /// Adds the dielectric layer; returns the weight that is left below it.

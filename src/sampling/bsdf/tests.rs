@@ -1,5 +1,6 @@
 use super::*;
 use crate::math::statistics::{DirectionTest, MAX_SCORE, Random};
+use crate::shader::Distribution::{self, Ggx, MultiGgx};
 
 fn seen_under(cos: f32) -> Bsdf {
     let wo = Vec3A::new((1.0 - cos * cos).sqrt(), 0.0, cos);
@@ -49,7 +50,7 @@ fn white_metal_in_a_white_furnace_is_invisible() {
             let mut metal = seen_under(cos);
             metal.add_principled(ONE, &principled(Vec3A::ONE, 1.0, roughness));
             let mut glossy = seen_under(cos);
-            glossy.add_glossy(ONE, ONE, UP, roughness, NO_GRAIN, true);
+            glossy.add_glossy(ONE, ONE, UP, roughness, NO_GRAIN, MultiGgx);
             for bsdf in [metal, glossy] {
                 let (mean, sigma) = furnace(&bsdf);
                 assert!(
@@ -126,7 +127,7 @@ fn single_bounce_ggx_is_reciprocal() {
         }
         let f = |wo: Vec3A, wi: Vec3A| {
             let mut bsdf = Bsdf::new(UP, wo, true);
-            bsdf.add_glossy(ONE, ONE, UP, 0.6, NO_GRAIN, true);
+            bsdf.add_glossy(ONE, ONE, UP, 0.6, NO_GRAIN, MultiGgx);
             let compensation = 1.0 / energy::directional_albedo(0.6, wo.z);
             bsdf.eval(wi).0.glossy.x / wi.z / compensation
         };
@@ -178,7 +179,7 @@ fn sampler_follows_its_pdf() {
                     ..principled(Vec3A::splat(0.3), metallic, roughness)
                 };
                 bsdf.add_principled(0.7 * ONE, &params);
-                bsdf.add_glossy(0.3 * ONE, 0.9 * ONE, normal, 0.5, NO_GRAIN, true);
+                bsdf.add_glossy(0.3 * ONE, 0.9 * ONE, normal, 0.5, NO_GRAIN, MultiGgx);
                 let mirror = 2.0 * wo.dot(normal) * normal - wo;
                 let score = chi_square(&bsdf, mirror, 2.0);
                 assert!(score < MAX_SCORE, "{cos} {roughness} {metallic}: {score}");
@@ -191,7 +192,7 @@ fn sampler_follows_its_pdf() {
 fn narrow_lobes_follow_their_pdf() {
     for roughness in [0.03f32, 0.07] {
         let mut bsdf = seen_under(0.6);
-        bsdf.add_glossy(ONE, ONE, UP, roughness, NO_GRAIN, true);
+        bsdf.add_glossy(ONE, ONE, UP, roughness, NO_GRAIN, MultiGgx);
         let mirror = Vec3A::new(-0.8, 0.0, 0.6);
         let width = f64::from(roughness).powi(4) * 40.0;
         let score = chi_square(&bsdf, mirror, width);
@@ -238,7 +239,7 @@ fn lobes_survive_a_shading_normal_seen_from_behind() {
     let normal = Vec3A::new(-0.4, 0.0, 0.9).normalize();
     assert!(wo.dot(normal) < 0.0);
     let mut bsdf = Bsdf::new(UP, wo, true);
-    bsdf.add_glossy(ONE, ONE, normal, 0.05, NO_GRAIN, true);
+    bsdf.add_glossy(ONE, ONE, normal, 0.05, NO_GRAIN, MultiGgx);
     let (mean, _) = furnace(&bsdf);
     assert!(mean.x > 0.5, "{mean}");
 }
@@ -253,11 +254,11 @@ fn more_lobes_than_there_is_room_for_keep_their_energy() {
             UP,
             0.4,
             NO_GRAIN,
-            true,
+            MultiGgx,
         );
     }
     let mut one = seen_under(0.8);
-    one.add_glossy(ONE, 0.6 * ONE, UP, 0.4, NO_GRAIN, true);
+    one.add_glossy(ONE, 0.6 * ONE, UP, 0.4, NO_GRAIN, MultiGgx);
     assert!((bsdf.albedo() - one.albedo()).length() < 1e-5);
     let wi = Vec3A::new(-0.5, 0.1, 0.8).normalize();
     let (many, single) = (bsdf.eval(wi).0.glossy, one.eval(wi).0.glossy);
@@ -301,8 +302,10 @@ fn extreme_parameters_stay_finite() {
     }
 }
 
+const BECKMANN: Distribution = Distribution::Beckmann;
+
 /// Every closure that is not Lambert alone, seen under a cosine from outside or inside.
-fn each_closure(cos: f32, roughness: f32, is_front: bool) -> [(&'static str, Bsdf); 10] {
+fn each_closure(cos: f32, roughness: f32, is_front: bool) -> [(&'static str, Bsdf); 11] {
     let grain = Vec3A::new(1.0, 0.4, 0.0);
     let made = |name, add: &dyn Fn(&mut Bsdf)| {
         let mut bsdf = Bsdf::new(UP, seen_under(cos).wo, is_front);
@@ -320,16 +323,19 @@ fn each_closure(cos: f32, roughness: f32, is_front: bool) -> [(&'static str, Bsd
             b.add_toon(ONE, UP, 0.5 * roughness, 0.2, true)
         }),
         made("grain", &|b| {
-            b.add_glossy(ONE, ONE, UP, roughness, (0.5, grain), true);
+            b.add_glossy(ONE, ONE, UP, roughness, (0.5, grain), MultiGgx);
         }),
         made("grain across", &|b| {
-            b.add_glossy(ONE, ONE, UP, roughness, (-0.5, grain), true);
+            b.add_glossy(ONE, ONE, UP, roughness, (-0.5, grain), MultiGgx);
+        }),
+        made("Beckmann", &|b| {
+            b.add_glossy(ONE, ONE, UP, roughness, (0.5, grain), BECKMANN);
         }),
         made("refraction", &|b| {
-            b.add_refraction(ONE, UP, roughness, 1.45)
+            b.add_refraction(ONE, UP, roughness, 1.45, Ggx)
         }),
         made("glass", &|b| {
-            b.add_glass(ONE, ONE, UP, roughness, 1.45, true)
+            b.add_glass(ONE, ONE, UP, roughness, 1.45, MultiGgx)
         }),
         made("all layers", &|b| {
             let params = Principled {
@@ -387,13 +393,34 @@ fn every_closure_follows_its_pdf() {
     }
 }
 
+/// Beckmann's lobes fall off too fast for cells as wide as those.
+#[test]
+fn beckmann_refraction_follows_its_pdf() {
+    for (roughness, cos) in [(0.5f32, 0.9f32), (0.7, 0.4)] {
+        for reflects in [false, true] {
+            let mut bsdf = seen_under(cos);
+            match reflects {
+                true => bsdf.add_glass(ONE, ONE, UP, roughness, 1.45, BECKMANN),
+                false => bsdf.add_refraction(ONE, UP, roughness, 1.45, BECKMANN),
+            }
+            let wo = seen_under(cos).wo;
+            let sin = (1.0 - cos * cos).sqrt() / 1.45;
+            let refracted = Vec3A::new(-sin * wo.x.signum(), 0.0, -(1.0 - sin * sin).sqrt());
+            let holds = |wi: Vec3A| wi.z > 0.0 || is_refracted(wo, wi, 1.45);
+            let width = f64::from(0.4 * roughness.powi(4));
+            let score = chi_square_where(holds, &bsdf, refracted, width);
+            assert!(score < MAX_SCORE, "{roughness} {reflects}: {score}");
+        }
+    }
+}
+
 /// The same at the narrowest roughness, through the surface: the density is that of the direction
 /// in which a mirror-smooth interface refracts.
 #[test]
 fn narrow_refraction_follows_its_pdf() {
     for (ior, is_front) in [(1.45f32, true), (1.45, false), (1.05, true)] {
         let mut bsdf = Bsdf::new(UP, seen_under(0.9).wo, is_front);
-        bsdf.add_refraction(ONE, UP, 0.05, ior);
+        bsdf.add_refraction(ONE, UP, 0.05, ior, Ggx);
         let eta = if is_front { ior } else { 1.0 / ior };
         let sin = 0.19f32.sqrt() / eta;
         let refracted = Vec3A::new(-sin, 0.0, -(1.0 - sin * sin).sqrt());
@@ -412,7 +439,7 @@ fn white_glass_in_a_white_furnace_is_invisible() {
         for (cos, is_front) in COSINES.into_iter().flat_map(|c| [(c, true), (c, false)]) {
             for ior in [1.1f32, 1.45, 2.2] {
                 let mut glass = Bsdf::new(UP, seen_under(cos).wo, is_front);
-                glass.add_glass(ONE, ONE, UP, roughness, ior, true);
+                glass.add_glass(ONE, ONE, UP, roughness, ior, MultiGgx);
                 let mut principled_glass = Bsdf::new(UP, seen_under(cos).wo, is_front);
                 let params = Principled {
                     transmission: 1.0,
@@ -520,7 +547,7 @@ fn refraction_is_reciprocal_up_to_the_square_of_the_index() {
         }
         let f = |normal: Vec3A, wo: Vec3A, wi: Vec3A, is_front: bool| {
             let mut bsdf = Bsdf::new(normal, wo, is_front);
-            bsdf.add_glass(ONE, ONE, normal, 0.6, ior, false);
+            bsdf.add_glass(ONE, ONE, normal, 0.6, ior, Ggx);
             bsdf.eval(wi).0.transmission.x / wi.z.abs()
         };
         let there = f(UP, above, below, true) / (ior * ior);
@@ -541,8 +568,8 @@ fn refraction_is_reciprocal_up_to_the_square_of_the_index() {
 #[test]
 fn beyond_the_critical_angle_glass_is_a_mirror() {
     let mut bsdf = Bsdf::new(UP, seen_under(0.5).wo, false);
-    bsdf.add_glass(ONE, ONE, UP, 0.0, 1.5, true);
-    bsdf.add_refraction(ONE, UP, 0.0, 1.5);
+    bsdf.add_glass(ONE, ONE, UP, 0.0, 1.5, MultiGgx);
+    bsdf.add_refraction(ONE, UP, 0.0, 1.5, Ggx);
     let mut random = Random::new(12);
     for _ in 0..200 {
         if let Some(sample) = bsdf.sample(random.next(), random.next_2d()) {
@@ -555,7 +582,7 @@ fn beyond_the_critical_angle_glass_is_a_mirror() {
 #[test]
 fn rough_glass_lets_light_through_beyond_the_critical_angle() {
     let mut bsdf = Bsdf::new(UP, seen_under(0.4).wo, false);
-    bsdf.add_glass(ONE, ONE, UP, 0.8, 1.45, true);
+    bsdf.add_glass(ONE, ONE, UP, 0.8, 1.45, MultiGgx);
     let mut random = Random::new(13);
     let samples = (0..200).filter_map(|_| bsdf.sample(random.next(), random.next_2d()));
     let passed = samples.filter(|sample| sample.part == Part::Transmission);
@@ -595,7 +622,7 @@ fn a_diffuse_normal_may_point_below_the_surface() {
 #[test]
 fn light_of_a_removed_part_is_gone_and_blurred_lobes_are_wide() {
     let mut bsdf = seen_under(0.8);
-    bsdf.add_glass(ONE, ONE, UP, 0.0, 1.5, true);
+    bsdf.add_glass(ONE, ONE, UP, 0.0, 1.5, MultiGgx);
     bsdf.add_diffuse(0.5 * ONE, ONE, UP, 0.0);
     bsdf.blur(0.5);
     let wi = Vec3A::new(-0.3, 0.1, -0.9).normalize();
@@ -673,7 +700,7 @@ fn materials_look_as_in_cycles() {
     }
     for &(roughness, [cos, sun_angle], pixel) in CYCLES_GLOSSY {
         let mut bsdf = seen_under(cos);
-        bsdf.add_glossy(ONE, CYCLES_COLOR, UP, roughness, NO_GRAIN, true);
+        bsdf.add_glossy(ONE, CYCLES_COLOR, UP, roughness, NO_GRAIN, MultiGgx);
         assert_pixel(&bsdf, sun_angle, pixel, &format!("glossy {roughness}"));
     }
 }
@@ -736,17 +763,17 @@ fn add_other(bsdf: &mut Bsdf, name: &str) {
     let params = match name {
         "rough diffuse" => return bsdf.add_diffuse(ONE, color, UP, 0.7),
         "translucent" => return bsdf.add_translucent(color, UP),
-        "refraction" => return bsdf.add_refraction(color, UP, 0.5, 1.45),
-        "glass 0.3" => return bsdf.add_glass(ONE, color, UP, 0.3, 1.45, true),
-        "glass 0.8" => return bsdf.add_glass(ONE, color, UP, 0.8, 1.45, true),
+        "refraction" => return bsdf.add_refraction(color, UP, 0.5, 1.45, Ggx),
+        "glass 0.3" => return bsdf.add_glass(ONE, color, UP, 0.3, 1.45, MultiGgx),
+        "glass 0.8" => return bsdf.add_glass(ONE, color, UP, 0.8, 1.45, MultiGgx),
         "sheen 0.3" | "sheen 0.7" => {
             bsdf.add_sheen(color, UP, if name == "sheen 0.3" { 0.3 } else { 0.7 });
             return;
         }
-        "grain" => return bsdf.add_glossy(ONE, color, UP, 0.5, (0.6, tangent), true),
+        "grain" => return bsdf.add_glossy(ONE, color, UP, 0.5, (0.6, tangent), MultiGgx),
         "grain across" => {
             let turned = rotated_about(UP, tangent, 0.1);
-            return bsdf.add_glossy(ONE, color, UP, 0.5, (-0.6, turned), true);
+            return bsdf.add_glossy(ONE, color, UP, 0.5, (-0.6, turned), MultiGgx);
         }
         "edge tint" => Principled {
             metallic: 1.0,

@@ -3,7 +3,9 @@
 
 use glam::Vec3A;
 
-use super::super::closure::{Closure, Glass, Glossy, Principled, Subsurface, Toon, Volume};
+use super::super::closure::{
+    Closure, Distribution, Glass, Glossy, Principled, Subsurface, Toon, Volume,
+};
 use super::super::operation::Args;
 
 fn vector(a: &Args, input: usize) -> Vec3A {
@@ -67,6 +69,14 @@ pub fn diffuse(a: &Args) -> Closure {
     }
 }
 
+fn distribution(a: &Args) -> Distribution {
+    [
+        Distribution::Ggx,
+        Distribution::MultiGgx,
+        Distribution::Beckmann,
+    ][a.mode(0)]
+}
+
 pub fn glossy(a: &Args) -> Closure {
     Closure::Glossy(Glossy {
         weight: weight(a),
@@ -76,7 +86,7 @@ pub fn glossy(a: &Args) -> Closure {
         rotation: float(a, 4),
         normal: vector(a, 5),
         tangent: vector(a, 6),
-        is_multiscatter: a.is_on(0),
+        distribution: distribution(a),
     })
 }
 
@@ -87,7 +97,7 @@ fn interface(a: &Args) -> Glass {
         roughness: float(a, 2),
         ior: float(a, 3),
         normal: vector(a, 4),
-        is_multiscatter: a.is_on(0),
+        distribution: distribution(a),
     }
 }
 
