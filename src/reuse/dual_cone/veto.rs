@@ -38,6 +38,10 @@ const RECORDS_PER_BLOCK: f32 = 90.0;
 const LENT_SAMPLE: f32 = 0.65;
 /// Observations for which the mean of the frame counts in a tile.
 const PRIOR: f64 = 8.0;
+/// By how much the squared gap between two runs shrinks when they get twice as long: of independent
+/// samples, and the least that is believed.
+const INDEPENDENT: f64 = 0.5;
+const LEAST_SHRINKING: f64 = 0.2;
 /// Added to a squared luminance, so that dark pixels do not rule.
 const DARK: f32 = 0.01;
 
@@ -101,6 +105,19 @@ impl Ways {
         }
     }
 
+    /// By how much each differs.
+    fn gap(self, other: Self) -> Self {
+        Self {
+            chosen: (self.chosen - other.chosen).abs(),
+            frame: (self.frame - other.frame).abs(),
+            alone: (self.alone - other.alone).abs(),
+        }
+    }
+
+    fn each(self) -> [f32; 3] {
+        [self.chosen, self.frame, self.alone]
+    }
+
     fn times(self, factor: f32) -> Self {
         Self {
             chosen: self.chosen * factor,
@@ -147,6 +164,8 @@ struct Trial {
     runs: [Ways; 2],
     /// The way that was chosen.
     lending: Lending,
+    /// How far two runs of half as many iterations were apart, if that is known.
+    gap_before: Option<Ways>,
 }
 
 /// V c of a tile's pixels by the way that was chosen and by another one.
@@ -194,18 +213,23 @@ fn mean_part<'a>(comparisons: impl Iterator<Item = &'a Comparison>) -> f64 {
 }
 
 impl Trial {
+    /// How far its runs are apart.
+    fn gap(&self) -> Ways {
+        self.runs[0].gap(self.runs[1])
+    }
+
     /// V c of the way that was chosen, of the frame and of the pixel alone, over the squared
-    /// brightness.
-    fn work_normalized(&self, brightness: f32, costs: Costs) -> [f32; 3] {
+    /// brightness. `stratification` is that of each way.
+    fn work_normalized(&self, brightness: f32, costs: Costs, stratification: [f32; 3]) -> [f32; 3] {
         let scale = 0.5 / (brightness * brightness + DARK);
         let variance = |value: fn(&Ways) -> f32| {
             let difference = value(&self.runs[0]) - value(&self.runs[1]);
             difference * difference * scale
         };
         [
-            variance(|run| run.chosen) * costs.of(self.lending),
-            variance(|run| run.frame) * costs.frame,
-            variance(|run| run.alone),
+            variance(|run| run.chosen) * costs.of(self.lending) * stratification[0],
+            variance(|run| run.frame) * costs.frame * stratification[1],
+            variance(|run| run.alone) * stratification[2],
         ]
     }
 }
@@ -222,14 +246,55 @@ fn brightness(region: Region, trials: &[Trial]) -> Tiles<f32> {
     sums.map(|[sum, count]| sum / count)
 }
 
+/// Variance of the mean of all iterations over what its two halves say, by each way: as chosen, of the
+/// frame, and alone.
+///
+/// The halves of a stratified sequence are each as good as the other, but make up for each other's gaps:
+/// with the variance v(n) of n iterations and the gap of the means of two such runs
+///
+/// ```text
+/// v(2n) = v(n) - E[gap(n)^2] / 4
+/// ```
+///
+/// whatever their covariance (Eq. D6b). Summed over all doublings to come, with squared gaps that go on
+/// shrinking by the factor r, v(2n) is r / (1 - r) times E[gap(n)^2] / 4: all of it where samples are
+/// independent, r = 1/2, a third where the error falls as 1 / n. The whole frame tells r, by absolute
+/// values, which spikes spoil less.
+fn stratification(brightness: &Tiles<f32>, trials: &[Trial]) -> [f32; 3] {
+    let mut sums = [[0.0; 3]; 2];
+    for trial in trials {
+        let Some(before) = trial.gap_before else {
+            continue;
+        };
+        let brightness = brightness.get(brightness.of(trial.pixel));
+        let scale = f64::from((brightness * brightness + DARK).sqrt()).recip();
+        for (sum, gap) in sums.iter_mut().zip([before, trial.gap()]) {
+            for (sum, gap) in sum.iter_mut().zip(gap.each()) {
+                *sum += f64::from(gap) * scale;
+            }
+        }
+    }
+    let [before, now] = sums;
+    [0, 1, 2].map(|way| match before[way] > 0.0 {
+        true => {
+            let shrinking = (now[way] / before[way]).powi(2);
+            let shrinking = shrinking.clamp(LEAST_SHRINKING, INDEPENDENT) as f32;
+            shrinking / (1.0 - shrinking)
+        }
+        false => 1.0,
+    })
+}
+
 /// How much of its work each tile wastes that does not turn to the frame or to the pixel alone, over
 /// 3 x 3 tiles (Eq. D6).
 fn waste(region: Region, trials: &[Trial], costs: Costs) -> Tiles<[f32; 2]> {
     let brightness = brightness(region, trials);
+    let stratification = stratification(&brightness, trials);
     let mut tiles = Tiles::<[Comparison; 2]>::new(region);
     for trial in trials {
         let tile = tiles.of(trial.pixel);
-        let [chosen, frame, alone] = trial.work_normalized(brightness.get(tile), costs);
+        let [chosen, frame, alone] =
+            trial.work_normalized(brightness.get(tile), costs, stratification);
         let [by_frame, by_alone] = tiles.get_mut(tile);
         if trial.lending == Lending::Window {
             by_frame.add(chosen, frame);
@@ -273,6 +338,8 @@ pub struct Trials {
     /// Luminance by all ways when the number of iterations was last a power of two, probe after
     /// probe.
     halves: Vec<Ways>,
+    /// How far the halves were apart then, if they are known.
+    gaps: Vec<Ways>,
 }
 
 /// Luminance of a probe's sum by other ways less that of what it has.
@@ -305,6 +372,7 @@ impl Trials {
             width: region.width,
             excess: vec![Excess::default(); region.width.div_ceil(PILOT_SPACING) * rows],
             halves: Vec::new(),
+            gaps: Vec::new(),
         }
     }
 
@@ -321,7 +389,7 @@ impl Trials {
 
     /// Bytes held.
     pub fn memory_bytes(&self) -> usize {
-        size_of_val(&self.excess[..]) + size_of_val(&self.halves[..])
+        size_of_val(&self.excess[..]) + size_of_val(&self.halves[..]) + size_of_val(&self.gaps[..])
     }
 
     /// After the pilot iterations, and each time the iterations have doubled since, lets pixels borrow
@@ -335,13 +403,21 @@ impl Trials {
         let sums: Vec<Ways> = probes().map(|pixel| self.ways(film, pixel)).collect();
         if iterations == PILOT_ITERATIONS || iterations >= JUDGE_FROM {
             let scale = 2.0 / iterations as f32;
-            let halves = sums.iter().zip(&self.halves);
-            let trials = probes().zip(halves).map(|(pixel, (&sum, &first))| Trial {
-                pixel,
-                runs: [first.times(scale), sum.less(first).times(scale)],
-                lending: lending[pixel],
-            });
-            let trials: Vec<Trial> = trials.filter(|t| t.lending.is_some()).collect();
+            let halves = sums.iter().zip(&self.halves).enumerate();
+            let trials = probes()
+                .zip(halves)
+                .map(|(pixel, (probe, (&sum, &first)))| Trial {
+                    pixel,
+                    runs: [first.times(scale), sum.less(first).times(scale)],
+                    lending: lending[pixel],
+                    gap_before: self.gaps.get(probe).copied(),
+                });
+            let mut trials: Vec<Trial> = trials.collect();
+            self.gaps = match iterations >= JUDGE_FROM {
+                true => trials.iter().map(Trial::gap).collect(),
+                false => Vec::new(),
+            };
+            trials.retain(|trial| trial.lending.is_some());
             turn_away(film.region, &trials, costs, lending);
         }
         self.halves = sums;
@@ -394,6 +470,7 @@ mod tests {
             pixel,
             runs: [run(pixel), run(pixel)],
             lending: Lending::Window,
+            gap_before: None,
         };
         let trials: Vec<Trial> = probes(REGION, 0).map(trial).collect();
         let mut lending = vec![Lending::Window; SIDE * SIDE];
@@ -455,6 +532,7 @@ mod tests {
                 pixel,
                 runs: [run(pixel, 1.0), run(pixel, -1.0)],
                 lending: Lending::Window,
+                gap_before: None,
             };
             let trials: Vec<Trial> = probes(REGION, 0).map(trial).collect();
             let mut lending = vec![Lending::Window; SIDE * SIDE];
@@ -466,6 +544,40 @@ mod tests {
             };
             assert_eq!(lending[spike], expected, "{gain}");
         }
+    }
+
+    /// Runs of twice the length are 0.3 of the squared gap apart alone, half of it if shared.
+    #[test]
+    fn halves_that_make_up_for_each_other_count_less() {
+        let at = |gap: [f32; 3]| Ways {
+            chosen: 1.0 + gap[0],
+            frame: 1.0 + gap[1],
+            alone: 1.0 + gap[2],
+        };
+        let trial = |pixel| Trial {
+            pixel,
+            runs: [at([0.1; 3]), at([0.0; 3])],
+            lending: Lending::Window,
+            gap_before: Some(Ways {
+                chosen: 0.1 * 2.0_f32.sqrt(),
+                frame: 0.1,
+                alone: 0.1 / 0.3_f32.sqrt(),
+            }),
+        };
+        let trials: Vec<Trial> = probes(REGION, 0).map(trial).collect();
+        let [chosen, frame, alone] = stratification(&brightness(REGION, &trials), &trials);
+        // A gap that does not shrink is chance: no more is made of it than of independent samples.
+        for (found, expected) in [(chosen, 1.0), (frame, 1.0), (alone, 0.3 / 0.7)] {
+            assert!((found - expected).abs() < 1e-4, "{found} {expected}");
+        }
+        // As good by their halves, path tracing is better in truth.
+        let mut lending = vec![Lending::Window; SIDE * SIDE];
+        let costs = Costs {
+            window: 1.0,
+            frame: 1.0,
+        };
+        turn_away(REGION, &trials, costs, &mut lending);
+        assert!(lending.iter().all(|&way| way == Lending::None));
     }
 
     /// Shared samples scatter alike on both halves. Those of path tracing scatter more on the left; on
