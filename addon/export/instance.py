@@ -29,7 +29,7 @@ from .strands import (
     strands_of_particles,
     tubes,
 )
-from .transform import is_singular
+from .transform import is_singular, is_without_area
 from .visibility import CAMERA, bits
 
 LEFT_OUT_TYPES = {
@@ -191,7 +191,8 @@ class InstanceTable:
         """The `instance_*` arrays, `world_from_object` and `slot_materials` of the contract."""
         matrices = self.all_matrices()
         singular = is_singular(matrices)
-        for row in np.flatnonzero(singular):
+        # Without area Cycles shows nothing, either: many a scene hides things by a scale of zero.
+        for row in np.flatnonzero(singular & ~is_without_area(matrices)):
             self.warnings.add(
                 self._placed[row].name, "its matrix flattens space, this instance is left out"
             )

@@ -17,7 +17,7 @@ from .matte import MATERIAL, NO_MATERIAL, Mattes
 from .nodes import RecursiveGroup, Source, active_output, find_input, nodes_of, surface
 from .report import Warnings
 from .shader import Compiler, Operations, Program, Programs, compile_surface, compile_volume
-from .shader.closures import DEFAULT_SURFACE, diffuse_surface
+from .shader.closures import default_surface, diffuse_surface
 from .shader.compiler import ONE
 from .shader.layers import FLAT, output_key
 from .shader.nodes import displaced_normal
@@ -126,7 +126,7 @@ def uses_nodes(owner: bpy.types.Material | bpy.types.World) -> bool:
 def compile_material(compiler: Compiler, material: bpy.types.Material | None) -> None:
     """Write the program of an evaluated material, or of none."""
     if material is None:
-        diffuse_surface(compiler, DEFAULT_SURFACE)
+        default_surface(compiler)
     elif not uses_nodes(material):
         red, green, blue, _ = material.diffuse_color
         diffuse_surface(compiler, (red, green, blue))

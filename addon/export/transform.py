@@ -49,3 +49,10 @@ def is_singular(world_from_object: np.ndarray) -> np.ndarray:
         volume = np.abs(np.linalg.det(linear / lengths[:, None, :]))
     regular = finite & (lengths > SMALLEST_SCALE).all(axis=1) & (volume > SMALLEST_VOLUME)
     return ~regular
+
+
+def is_without_area(world_from_object: np.ndarray) -> np.ndarray:
+    """For matrices (I, 3, 4): whether each maps all of space to a line or a point."""
+    x, y, z = np.moveaxis(world_from_object[:, :, :3].astype(np.float64), 2, 0)
+    areas = [np.linalg.norm(np.cross(a, b), axis=1) for a, b in ((x, y), (y, z), (z, x))]
+    return np.maximum.reduce(areas) < SMALLEST_SCALE**2

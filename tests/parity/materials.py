@@ -21,6 +21,12 @@ def shader(stage: Stage, kind: str, **values: Any) -> None:
     give(stage.cube, material)
 
 
+def bare(stage: Stage) -> None:
+    """No material at all, which Blender versions show differently."""
+    for thing in (stage.ball, stage.cube, stage.floor):
+        thing.data.materials.clear()
+
+
 def principled(stage: Stage, **values: Any) -> None:
     shader(stage, PRINCIPLED, **{"Base Color": ORANGE} | values)
 
@@ -147,6 +153,7 @@ def on_image(stage: Stage, kind: str, socket: str = "Color", out: int = 0, **val
 
 SHADERS = table(
     "shader",
+    ("None", bare),
     ("Principled", principled),
     ("Principled, roughness 0.1", principled, {"Roughness": 0.1}),
     ("Principled, roughness 1", principled, {"Roughness": 1.0}),

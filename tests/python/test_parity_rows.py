@@ -26,6 +26,7 @@ NAMES = (
     "shader: Glass, GGX alone",
     "shader: Glossy, Beckmann",
     "shader: Refraction",
+    "shader: None",
     "shader: Toon",
     "texture: Ambient Occlusion",
     "texture: Ambient Occlusion, emission",

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+import bpy
+
 from ..nodes import Color, Source
 from .compiler import ONE, ZERO, Compiler
 from .program import Operand, Operation, Value
 
 # Blender's reflectance where nothing is known.
 DEFAULT_SURFACE = (0.8, 0.8, 0.8)
+# The parameter of a `principled` that loses nothing to roughness, Cycles' Multiscatter GGX.
+KEEPS_ALL = 1
 
 
 def compile_surface(compiler: Compiler, shader: Source | None) -> None:
@@ -21,6 +25,23 @@ def compile_surface(compiler: Compiler, shader: Source | None) -> None:
 def diffuse_surface(compiler: Compiler, color: Operand, weight: Operand = ONE) -> None:
     """Write a diffuse closure, the stand-in where there is nothing better."""
     compiler.emit("diffuse", weight, color, ZERO, compiler.normal)
+
+
+def default_surface(compiler: Compiler) -> None:
+    """Write what shows without a material: from Blender 5.0 on Principled, until then diffuse."""
+    if bpy.app.version < (5, 0, 0):
+        diffuse_surface(compiler, DEFAULT_SURFACE)
+        return
+    given: dict[str, Operand] = {
+        "Weight": ONE,
+        "Base Color": DEFAULT_SURFACE,
+        "Roughness": (0.5, 0.5, 0.5),
+        "IOR": (1.5, 1.5, 1.5),
+        "Specular IOR Level": (0.5, 0.5, 0.5),
+        "Specular Tint": ONE,
+    }
+    operands = (given.get(name, ZERO) for name in compiler.operations["principled"].inputs)
+    compiler.emit("principled", *operands, parameter=KEEPS_ALL)
 
 
 def _shader(compiler: Compiler, source: Source, weight: Operand) -> None:
@@ -138,7 +159,7 @@ def metallic(compiler: Compiler, source: Source, weight: Operand) -> None:
     given |= {name: compiler.input(source, name) for name in own}
     operands = (given.get(name, ZERO) for name in compiler.operations["principled"].inputs)
     keeps_all = source.node.distribution == "MULTI_GGX"
-    compiler.emit("principled", *operands, parameter=int(keeps_all))
+    compiler.emit("principled", *operands, parameter=KEEPS_ALL if keeps_all else 0)
 
 
 def conductor_reflectance(cos: float, index: float, extinction: float) -> float:
