@@ -402,6 +402,13 @@ pub const FRAME: &[ArraySpec] = &[
         "Clip start and clip end, along the viewing axis; along each ray of a panorama.",
     ),
     array(
+        "camera_frame_width",
+        U32,
+        &[],
+        "pixels",
+        "Width of the whole frame, before any border: bump mapping looks a share of a pixel around.",
+    ),
+    array(
         "camera_kind",
         U32,
         &[],

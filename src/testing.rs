@@ -139,7 +139,7 @@ pub(crate) fn any_camera(
     let right = forward.cross(up).normalize();
     let axes = Mat3::from_cols(right, right.cross(forward), -forward);
     let placement = Affine3A::from_mat3_translation(axes, position);
-    Camera::new(placement, projection, lens, [0.01, 1000.0]).unwrap()
+    Camera::new(placement, projection, lens, [0.01, 1000.0], 1000).unwrap()
 }
 
 /// A Lambertian material.

@@ -43,6 +43,7 @@ def export_camera(
     return {
         **matrices,
         "camera_clip": np.array([camera.data.clip_start, camera.data.clip_end], np.float32),
+        "camera_frame_width": np.array(width, np.uint32),
         "camera_kind": np.array(kind, np.uint32),
         "camera_panorama": panorama,
         "camera_lens": np.array(_lens(camera, depsgraph), np.float32),

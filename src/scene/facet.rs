@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use glam::{Vec2, Vec3A, Vec4};
 
 use super::{Camera, Instance, Mesh, Placement, SceneFrame, interpolate};
-use crate::shader::{Attributes, Point, RayInfo};
+use crate::shader::{Attributes, FILTER_WIDTH, Point, RayInfo};
 
 /// A triangle of an instance at one time.
 #[derive(Clone)]
@@ -98,6 +98,7 @@ impl<'a> Facet<'a> {
             edges: edges_object.map(|e| placement.world_from_object.transform_vector3a(e)),
             is_back,
             ray_length,
+            filter_width: FILTER_WIDTH,
             world_from_object: &placement.world_from_object,
             object_from_world: &placement.object_from_world,
             object: &self.instance.info,

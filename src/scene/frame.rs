@@ -572,6 +572,7 @@ fn camera(arrays: &Arrays) -> Result<Camera> {
         projection,
         lens,
         [clip[0], clip[1]],
+        arrays.u32s("camera_frame_width")[0],
     )
 }
 

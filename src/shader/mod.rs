@@ -21,7 +21,8 @@ pub use closure::{Closure, Distribution, Glass, Glossy, Principled, Subsurface, 
 pub use operation::{OPERATIONS, Operation, Parameter};
 pub use ops::TABLE_SIZE;
 pub use point::{
-    Around, Attributes, FLAT, ObjectInfo, Point, RayInfo, RayKind, Search, UNDISPLACED, View,
+    Around, Attributes, FILTER_WIDTH, FLAT, ObjectInfo, Point, RayInfo, RayKind, Search,
+    UNDISPLACED, View,
 };
 #[cfg(test)]
 pub(crate) use program::Row;

@@ -214,7 +214,7 @@ pub static OPERATIONS: &[Operation] = &[
     here("layer_weight", &["Blend", "Normal"], Modes(&[&["Fresnel", "Facing"]]), normal::layer_weight),
     here("normal_map", &["Strength", "Color", "Tangent", "Sign"], Modes(&[&["TANGENT", "OBJECT", "WORLD", "BLENDER_OBJECT", "BLENDER_WORLD"]]), normal::normal_map),
     here("bevel", &["Radius", "Normal", "samples"], None, input::bevel),
-    here("bump", &["Strength", "Distance", "Normal", "Height", "Height X", "Height Y"], Modes(&[OFF_ON, OFF_ON]), normal::bump),
+    here("bump", &["Strength", "Distance", "Normal", "Height", "Height X", "Height Y", "Filter Width"], Modes(&[OFF_ON, OFF_ON]), normal::bump),
     here("displacement", &["Height", "Midlevel", "Scale", "Normal"], Modes(&[&["OBJECT", "WORLD"]]), normal::displacement),
     here("vector_displacement", &["Vector", "Midlevel", "Scale", "Tangent", "Sign"], Modes(&[&["TANGENT", "OBJECT", "WORLD"]]), normal::vector_displacement),
     here("height", &["Displacement"], None, normal::height),

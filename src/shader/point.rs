@@ -42,6 +42,9 @@ pub trait View {
     /// Shares of the picture's width and height at which a point of world space appears; `None`
     /// where it cannot be seen.
     fn project(&self, point: Vec3A) -> Option<Vec2>;
+
+    /// Side of a pixel's footprint where rays of this length end [m].
+    fn pixel_size(&self, ray_length: f32) -> f32;
 }
 
 /// A ray, named after where it starts: at the camera, by which scattering, or for a test whether
@@ -138,6 +141,8 @@ pub struct Point<'a> {
     pub is_back: bool,
     /// Length of the ray that arrives [m].
     pub ray_length: f32,
+    /// How far away the neighbours are that bumps look at, in pixels.
+    pub filter_width: f32,
     /// Placement of the object.
     pub world_from_object: &'a Affine3A,
     /// Its inverse.
@@ -154,22 +159,28 @@ pub struct Point<'a> {
     pub ray: &'a RayInfo<'a>,
 }
 
-/// Side of a pixel's footprint per metre of the ray, at which bump mapping takes its differences: a
-/// tenth of a pixel of a picture 1000 pixels wide with a common lens, Cycles' Filter Width of 0.1.
-const FOOTPRINT: f32 = 1e-4;
+/// Blender's own Filter Width of a new Bump node.
+pub const FILTER_WIDTH: f32 = 0.1;
 
 impl<'a> Point<'a> {
-    /// The point itself, and its neighbours along two orthogonal directions of the triangle's plane.
-    pub fn variations(&self) -> [Self; 3] {
-        let [x, y] = self.steps();
-        [*self, self.moved(x), self.moved(y)]
+    /// The point itself, and its neighbours along two orthogonal directions of the triangle's plane,
+    /// so many pixels away.
+    pub fn variations(&self, filter_width: f32) -> [Self; 3] {
+        let centre = Self {
+            filter_width,
+            ..*self
+        };
+        let [x, y] = centre.steps();
+        [centre, centre.moved(x), centre.moved(y)]
     }
 
-    /// Where the neighbours lie, relative to the point [m].
+    /// Where the neighbours lie, relative to the point [m]. As in Cycles the pixel's footprint is a
+    /// square about the surface's normal, however it is tilted; it grows along the last ray only.
     pub fn steps(&self) -> [Vec3A; 2] {
         // Positions far from the origin are coarser than the footprint.
         let least = 64.0 * f32::EPSILON * self.position.abs().max_element();
-        let size = (FOOTPRINT * self.ray_length).max(least).max(1e-7);
+        let pixel = self.view.pixel_size(self.ray_length);
+        let size = (self.filter_width * pixel).max(least).max(1e-7);
         let (x, y) = self.geometric_normal.any_orthonormal_pair();
         [x * size, y * size]
     }
@@ -233,6 +244,10 @@ impl View for Bare {
     fn project(&self, _: Vec3A) -> Option<Vec2> {
         None
     }
+
+    fn pixel_size(&self, ray_length: f32) -> f32 {
+        1e-3 * ray_length
+    }
 }
 
 impl Attributes for Bare {
@@ -269,6 +284,7 @@ impl Point<'static> {
             edges: [Vec3A::X, Vec3A::Y],
             is_back: false,
             ray_length: 1.0,
+            filter_width: FILTER_WIDTH,
             world_from_object: &Affine3A::IDENTITY,
             object_from_world: &Affine3A::IDENTITY,
             object: &OBJECT,

@@ -10,7 +10,7 @@ use super::operation::{
     AROUND, Args, FIRST_CONSTANT, MODE_LISTS, OPERATIONS, Operation, Parameter, Run,
 };
 use super::ops::TABLE_SIZE;
-use super::point::Point;
+use super::point::{FILTER_WIDTH, Point};
 use crate::error::{Error, Result};
 use crate::image::Image;
 
@@ -88,6 +88,8 @@ pub struct Program {
     tables: Arc<[Vec4]>,
     registers: usize,
     has_variations: bool,
+    /// How far away the neighbours are at which bumps look, in pixels.
+    filter_width: f32,
     asks_around: bool,
 }
 
@@ -116,7 +118,7 @@ impl Program {
     pub fn run(&self, point: &Point, images: &[Arc<Image>], emit: &mut dyn FnMut(&Closure)) {
         let variations;
         let points = if self.has_variations {
-            variations = point.variations();
+            variations = point.variations(self.filter_width);
             [&variations[0], &variations[1], &variations[2]]
         } else {
             [point; 3]
@@ -386,8 +388,11 @@ impl Draft {
                     program.registers as u32 - 1
                 });
             }
-            program.has_variations |=
-                instruction.variation != 0 || instruction.operation.name == "bump";
+            program.has_variations |= instruction.variation != 0;
+            if instruction.operation.name == "bump" {
+                program.has_variations = true;
+                program.filter_width = self.filter_width_of(instruction);
+            }
             program.asks_around |= AROUND.contains(&instruction.operation.name);
             program.steps.push(Step {
                 act: self.act_of(instruction),
@@ -400,6 +405,13 @@ impl Draft {
             });
         }
         program
+    }
+
+    /// What a bump's operand of that name holds: the renderer's default where it is no constant.
+    fn filter_width_of(&self, bump: &Checked) -> f32 {
+        let operand = bump.operands.last().copied().unwrap_or_default();
+        let constant = operand.checked_sub(FIRST_CONSTANT);
+        constant.map_or(FILTER_WIDTH, |index| self.constants[index as usize].x)
     }
 
     /// The last instruction that reads each value, itself for closures; `None` if nobody does.

@@ -115,6 +115,18 @@ def bump(stage: Stage, kind: str, **values: Any) -> None:
     finish(stage, tree, diffuse)
 
 
+def fine_bump(stage: Stage, **values: Any) -> None:
+    """A floor alone, its normal bent by noise far finer than a pixel."""
+    stage.clear()
+    tree = node_tree(bpy.data.materials.new("Row"))
+    place = add_node(tree, "ShaderNodeTexCoord").outputs["Object"]
+    noise = add_node(tree, "ShaderNodeTexNoise", Vector=place, Scale=20.0, Detail=9.0)
+    bent = add_node(tree, "ShaderNodeBump", Height=noise.outputs[0], Distance=0.1, **values)
+    diffuse = add_node(tree, "ShaderNodeBsdfDiffuse", Normal=bent.outputs[0])
+    tree.links.new(diffuse.outputs[0], output(tree).inputs["Surface"])
+    give(stage.floor, next(m for m in bpy.data.materials if m.node_tree == tree))
+
+
 def value_in(stage: Stage, kind: str, out: int | str = 0, **values: Any) -> None:
     """A node without coordinates as the colour of a diffuse surface."""
     tree = node_tree(bpy.data.materials.new("Row"))
@@ -228,6 +240,8 @@ TEXTURES = table(
     ("Image in Emission", image_in, {"socket": "Emission Color", "Emission Strength": 1.0}),
     ("Normal Map", bump, {"kind": "ShaderNodeNormalMap", "Strength": 0.5}),
     ("Bump", bump, {"kind": "ShaderNodeBump", "Strength": 0.5}),
+    ("Bump, finer than a pixel", fine_bump, {"Filter Width": 0.1}),
+    ("Bump, finer than a pixel, Filter Width 1", fine_bump, {"Filter Width": 1.0}),
     ("Noise", texture, {"kind": "ShaderNodeTexNoise", "Scale": 4.0, "out": "Color"}),
     ("Noise, Object", texture, {"kind": "ShaderNodeTexNoise", "Scale": 2.0, "Distortion": 0.5, "place": "Object"}),
     ("Voronoi", texture, {"kind": "ShaderNodeTexVoronoi", "Scale": 5.0, "out": "Color"}),

@@ -28,6 +28,8 @@ NAMES = (
     "shader: Refraction",
     "shader: None",
     "shader: Toon",
+    "texture: Bump, finer than a pixel",
+    "texture: Bump, finer than a pixel, Filter Width 1",
     "texture: Ambient Occlusion",
     "texture: Ambient Occlusion, emission",
     "texture: Bevel",

@@ -46,6 +46,8 @@ class Compiler:
         self.program = Program()
         # The normal of closures whose input is not linked; zero is the surface's own.
         self.normal: Operand = ZERO
+        # How many pixels its bumps look around; they share the neighbours that they look at.
+        self.filter_width: Color | None = None
         # Where the nodes at hand are evaluated: at the point itself, or at a neighbour for bumps.
         self._point = 0
         self._values: dict[tuple, Operand] = {}

@@ -10,9 +10,14 @@ import numpy as np
 
 from ..ies import EVEN, file_text, intensity_grid
 from ..image import ImageUse, Timing
-from ..nodes import Source
+from ..nodes import Color, Constant, Source
 from .compiler import ONE, ZERO, Compiler
 from .program import TABLE_SIZE, Operand
+
+# Until Blender 4.5 bumps looked a pixel around, then as far as Filter Width says; Cycles' bumps by
+# displacement keep to its first value.
+HAS_FILTER_WIDTH = bpy.app.version >= (4, 5, 0)
+DISPLACED_WIDTH: Color = (0.1, 0.1, 0.1)
 
 # Stands in for the identifier of the output that is asked for.
 OUTPUT = "OUTPUT"
@@ -264,7 +269,19 @@ def bump(compiler: Compiler, source: Source) -> Operand:
     for point in range(3):
         with compiler.at(point):
             operands.append(compiler.input(source, "Height"))
+    operands.append(_filter_width(compiler, source))
     return compiler.emit_with_modes(source, "bump", operands, (str(source.node.invert), "False"))
+
+
+def _filter_width(compiler: Compiler, source: Source) -> Color:
+    """How many pixels a Bump node looks around, the same in all of a material."""
+    socket = source.input("Filter Width")
+    end = socket and socket.follow()
+    width = end.color() if isinstance(end, Constant) else ONE
+    if isinstance(end, Source) or compiler.filter_width not in (None, width):
+        compiler.missing("Bump nodes of different Filter Width", "that of the last one is used")
+    compiler.filter_width = width
+    return width
 
 
 def displaced_normal(compiler: Compiler, displacement: Source, is_moved: bool) -> Operand:
@@ -278,7 +295,8 @@ def displaced_normal(compiler: Compiler, displacement: Source, is_moved: bool) -
             moved = compiler.output(displacement) or ZERO
             heights.append(compiler.emit("height", moved))
     modes = compiler.operations["bump"].parameter((str(False), str(is_moved))) or 0
-    return compiler.emit("bump", ONE, ONE, ZERO, *heights, parameter=modes)
+    width = compiler.filter_width or (DISPLACED_WIDTH if HAS_FILTER_WIDTH else ONE)
+    return compiler.emit("bump", ONE, ONE, ZERO, *heights, width, parameter=modes)
 
 
 def vector_displacement(compiler: Compiler, source: Source) -> Operand:

@@ -15,7 +15,7 @@ use crate::math::warp::sample_sphere;
 use crate::math::{MIDDLE_TIME, Ray, luminance};
 use crate::scene::world::uv_of_direction;
 use crate::scene::{Camera, Image, Light, LightKind, SceneFrame};
-use crate::shader::{Attributes, Point, Program, RayInfo};
+use crate::shader::{Attributes, FILTER_WIDTH, Point, Program, RayInfo};
 
 pub(super) struct Shaded {
     lamp: Box<dyn Emitter>,
@@ -126,6 +126,7 @@ impl Shaded {
             normal_object: normal_object.normalize_or(Vec3A::Z),
             incoming: -seen.direction,
             ray_length: seen.distance,
+            filter_width: FILTER_WIDTH,
             world_from_object: world,
             object_from_world: lamp,
             attributes: &uv,

@@ -25,6 +25,8 @@ pub struct Camera {
     projection: Projection,
     lens: Lens,
     clip: [f32; 2],
+    /// Of the whole frame, in pixels.
+    frame_width: u32,
 }
 
 /// How the film sees camera space: x to the right, y up, -z ahead.
@@ -100,15 +102,16 @@ impl Projection {
 
 impl Camera {
     /// A camera at `world_from_camera` that sees between the distances `clip` [m]: along its axis,
-    /// or along each ray of a panorama.
+    /// or along each ray of a panorama. The whole frame is `frame_width` pixels wide.
     ///
     /// # Errors
-    /// A placement that cannot be inverted; distances or an aperture out of range.
+    /// A placement that cannot be inverted; distances, an aperture or a width out of range.
     pub fn new(
         world_from_camera: Affine3A,
         projection: Projection,
         lens: Lens,
         clip: [f32; 2],
+        frame_width: u32,
     ) -> Result<Self> {
         if !(world_from_camera.matrix3.determinant().abs() > 0.0) {
             return Err(Error::Singular {
@@ -124,12 +127,16 @@ impl Camera {
             let value = format!("{lens:?}");
             return Err(range("camera_lens", value, "sizes and distances above 0"));
         }
+        if frame_width == 0 {
+            return Err(range("camera_frame_width", "0".into(), "above 0"));
+        }
         Ok(Self {
             world_from_camera,
             camera_from_world: world_from_camera.inverse(),
             projection,
             lens,
             clip,
+            frame_width,
         })
     }
 
@@ -289,6 +296,10 @@ impl View for Camera {
     fn project(&self, point: Vec3A) -> Option<Vec2> {
         Camera::project(self, point)
     }
+
+    fn pixel_size(&self, ray_length: f32) -> f32 {
+        Camera::pixel_size(self, ray_length, self.frame_width as usize)
+    }
 }
 
 #[cfg(test)]
@@ -329,7 +340,7 @@ mod tests {
     }
 
     fn camera(projection: Projection, lens: Lens) -> Camera {
-        Camera::new(placement(), projection, lens, [0.1, 100.0]).unwrap()
+        Camera::new(placement(), projection, lens, [0.1, 100.0], 100).unwrap()
     }
 
     #[test]
