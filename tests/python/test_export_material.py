@@ -93,7 +93,7 @@ def colors_of(frame: Any) -> list[list[float]]:
     """The colour of the one closure of each material."""
     count = len(frame.arrays["material_programs"])
     closures = [computed(frame, row, (0.0, 0.0))[0].values for row in range(count)]
-    return [values.get("color", values.get("base_color")) for values in closures]
+    return [values["color" if "color" in values else "base_color"] for values in closures]
 
 
 def diffuse(tree: Any, *color: float) -> Any:
