@@ -3,68 +3,80 @@
 //! for Voronoi's cells.
 
 /// lookup3 of one to four words.
-pub fn words(words: &[u32]) -> u32 {
-    let start = 0xdead_beef_u32
-        .wrapping_add((words.len() as u32) << 2)
-        .wrapping_add(13);
-    let word = |i: usize| words.get(i).copied().unwrap_or(0);
-    let mut abc = [0, 1, 2].map(|i| start.wrapping_add(word(i)));
-    if words.len() == 4 {
-        mix(&mut abc);
-        abc[0] = abc[0].wrapping_add(word(3));
+pub fn words<const N: usize>(words: &[u32; N]) -> u32 {
+    let start = 0xdead_beef_u32.wrapping_add(((N as u32) << 2) + 13);
+    let from = |i: usize| start.wrapping_add(if i < N { words[i] } else { 0 });
+    let (mut a, mut b, mut c) = (from(0), from(1), from(2));
+    if N == 4 {
+        mix(&mut a, b, &mut c, 4);
+        mix(&mut b, c, &mut a, 6);
+        mix(&mut c, a, &mut b, 8);
+        mix(&mut a, b, &mut c, 16);
+        mix(&mut b, c, &mut a, 19);
+        mix(&mut c, a, &mut b, 4);
+        a = a.wrapping_add(words[N - 1]);
     }
-    finish(&mut abc);
-    abc[2]
+    for (turn_c, turn_a, turn_b) in [(14, 11, 25), (16, 4, 14)] {
+        c = finish(c, b, turn_c);
+        a = finish(a, c, turn_a);
+        b = finish(b, a, turn_b);
+    }
+    finish(c, b, 24)
 }
 
-fn mix(abc: &mut [u32; 3]) {
-    // Each step changes one number by the one before it, and that by the one after.
-    for (step, turn) in [4, 6, 8, 16, 19, 4].into_iter().enumerate() {
-        let (a, b, c) = (step % 3, (step + 1) % 3, (step + 2) % 3);
-        abc[a] = abc[a].wrapping_sub(abc[c]) ^ abc[c].rotate_left(turn);
-        abc[c] = abc[c].wrapping_add(abc[b]);
-    }
+/// Changes a number by the one before it, and that by the one after.
+fn mix(number: &mut u32, after: u32, before: &mut u32, turn: u32) {
+    *number = number.wrapping_sub(*before) ^ before.rotate_left(turn);
+    *before = before.wrapping_add(after);
 }
 
-fn finish(abc: &mut [u32; 3]) {
-    for (step, turn) in [14, 11, 25, 16, 4, 14, 24].into_iter().enumerate() {
-        let (c, b) = ((step + 2) % 3, (step + 1) % 3);
-        abc[c] = (abc[c] ^ abc[b]).wrapping_sub(abc[b].rotate_left(turn));
-    }
+fn finish(number: u32, before: u32, turn: u32) -> u32 {
+    (number ^ before).wrapping_sub(before.rotate_left(turn))
 }
 
 /// lookup3 of the bits of floats, in 0 to 1.
-pub fn floats(floats: &[f32]) -> f32 {
-    let mut bits = [0; 4];
+pub fn floats<const N: usize>(floats: &[f32; N]) -> f32 {
+    let mut bits = [0; N];
     for (bits, float) in bits.iter_mut().zip(floats) {
         *bits = float.to_bits();
     }
-    words(&bits[..floats.len()]) as f32 / u32::MAX as f32
+    words(&bits) as f32 / u32::MAX as f32
 }
 
 /// PCG of two to four whole numbers, each result in 0 to 1. Unlike the others the two-dimensional
 /// one mixes with its own multiplier.
 pub fn cell<const N: usize>(numbers: [i32; N]) -> [f32; N] {
-    const MULTIPLIER: i32 = 1_664_525;
-    let mut v = numbers.map(|n| n.wrapping_mul(MULTIPLIER).wrapping_add(1_013_904_223));
-    let stir = |v: &mut [i32; N]| {
-        for i in 0..N {
-            // The partners of x, y, z, w.
-            let product = match (N, i) {
-                (2, _) => v[1 - i].wrapping_mul(MULTIPLIER),
-                (3, _) => v[(i + 1) % 3].wrapping_mul(v[(i + 2) % 3]),
-                (_, 0) => v[1].wrapping_mul(v[3]),
-                (_, 1) => v[2].wrapping_mul(v[0]),
-                (_, 2) => v[0].wrapping_mul(v[1]),
-                _ => v[1].wrapping_mul(v[2]),
-            };
-            v[i] = v[i].wrapping_add(product);
-        }
-    };
+    let mut v = numbers;
+    for n in &mut v {
+        *n = n.wrapping_mul(MULTIPLIER).wrapping_add(1_013_904_223);
+    }
     stir(&mut v);
-    v = v.map(|n| n ^ (n >> 16));
+    for n in &mut v {
+        *n ^= *n >> 16;
+    }
     stir(&mut v);
-    v.map(|n| (n & 0x7fff_ffff) as f32 / 0x7fff_ffff as f32)
+    let mut found = [0.0; N];
+    for (found, n) in found.iter_mut().zip(v) {
+        *found = (n & 0x7fff_ffff) as f32 / 0x7fff_ffff as f32;
+    }
+    found
+}
+
+const MULTIPLIER: i32 = 1_664_525;
+
+fn stir<const N: usize>(v: &mut [i32; N]) {
+    for i in 0..N {
+        // The partners of x, y, z, w.
+        let product = match (N, i) {
+            (2, _) => v[1 - i].wrapping_mul(MULTIPLIER),
+            (3, _) => v[(i + 1) % 3].wrapping_mul(v[(i + 2) % 3]),
+            (_, 0) => v[1].wrapping_mul(v[3]),
+            (_, 1) => v[2].wrapping_mul(v[0]),
+            (_, 2) => v[0].wrapping_mul(v[1]),
+            _ => v[1].wrapping_mul(v[2]),
+        };
+        v[i] = v[i].wrapping_add(product);
+    }
 }
 
 #[cfg(test)]

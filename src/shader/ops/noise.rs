@@ -46,11 +46,18 @@ fn gradient<const N: usize>(hash: u32, p: [f32; N]) -> f32 {
     }
 }
 
-/// Perlin noise in about -1 to 1.
-fn perlin<const N: usize>(p: [f32; N]) -> f32 {
-    let p = p.map(|x| x % PERIOD + if x.abs() >= 1e6 { 0.5 } else { 0.0 });
-    let low = p.map(f32::floor);
-    let cell = low.map(|x| x as i32);
+/// Perlin noise in about -1 to 1. Loops, as closures over arrays are not always inlined: textures of
+/// many octaves spend their time here.
+fn perlin<const N: usize>(mut p: [f32; N]) -> f32 {
+    let (mut low, mut cell) = ([0.0; N], [0; N]);
+    for axis in 0..N {
+        let x = p[axis];
+        // The remainder, which is dear, of a smaller number is that number.
+        p[axis] = if x.abs() < PERIOD { x } else { x % PERIOD };
+        p[axis] += if x.abs() >= 1e6 { 0.5 } else { 0.0 };
+        low[axis] = p[axis].floor();
+        cell[axis] = low[axis] as i32;
+    }
     let mut corners = [0.0; 16];
     for (corner, value) in corners.iter_mut().enumerate().take(1 << N) {
         let mut key = [0; N];
@@ -69,6 +76,13 @@ fn perlin<const N: usize>(p: [f32; N]) -> f32 {
         }
     }
     SCALES[N - 1] * corners[0]
+}
+
+fn scaled<const N: usize>(mut p: [f32; N], scale: f32) -> [f32; N] {
+    for x in &mut p {
+        *x *= scale;
+    }
+    p
 }
 
 /// The numbers of the Noise node that shape the sum of octaves.
@@ -110,7 +124,7 @@ impl Fractal {
             }
         };
         for _ in 0..=octaves {
-            sum += amplitude * perlin(p.map(|x| scale * x));
+            sum += amplitude * perlin(scaled(p, scale));
             total += amplitude;
             amplitude *= self.roughness;
             scale *= self.lacunarity;
@@ -118,7 +132,7 @@ impl Fractal {
         if rest == 0.0 {
             return normalized(sum, total);
         }
-        let more = sum + amplitude * perlin(p.map(|x| scale * x));
+        let more = sum + amplitude * perlin(scaled(p, scale));
         lerp(
             normalized(sum, total),
             normalized(more, total + amplitude),
@@ -132,7 +146,7 @@ impl Fractal {
         for _ in 0..=octaves {
             value *= power * perlin(p) + 1.0;
             power *= self.roughness;
-            p = p.map(|x| x * self.lacunarity);
+            p = scaled(p, self.lacunarity);
         }
         if rest == 0.0 {
             return value;
@@ -145,14 +159,14 @@ impl Fractal {
         let mut power = self.roughness;
         let mut value = self.offset + perlin(p);
         for _ in 0..octaves {
-            p = p.map(|x| x * self.lacunarity);
+            p = scaled(p, self.lacunarity);
             value += (perlin(p) + self.offset) * power * value;
             power *= self.roughness;
         }
         if rest == 0.0 {
             return value;
         }
-        p = p.map(|x| x * self.lacunarity);
+        p = scaled(p, self.lacunarity);
         value + rest * (perlin(p) + self.offset) * power * value
     }
 
@@ -171,7 +185,7 @@ impl Fractal {
             value += share * weight * signal;
             power *= self.roughness;
             weight *= self.gain * signal;
-            p = p.map(|x| x * self.lacunarity);
+            p = scaled(p, self.lacunarity);
         }
         value
     }
@@ -183,7 +197,7 @@ impl Fractal {
         let mut value = signal;
         let mut power = self.roughness;
         for _ in 0..self.octaves().0 {
-            p = p.map(|x| x * self.lacunarity);
+            p = scaled(p, self.lacunarity);
             signal = ridge(p) * (signal * self.gain).clamp(0.0, 1.0);
             value += signal * power;
             power *= self.roughness;
