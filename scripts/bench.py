@@ -59,7 +59,7 @@ def speed_rows(sample: Sample, size: Resolution, rounds: int) -> Iterator[Row]:
         # Targets are for direct light, as the paper's numbers are.
         targets = (">= 1.00", "<= 25 %") if light == "direct light" else ("", "")
         path_seconds = phase(path, "pass_1")
-        cpu = median(each.sampling_cpu_seconds for each in path)
+        cpu = median(each.lighting_cpu_seconds for each in path)
         rate = pixels * SAMPLES / 1e6
         yield f"PATH, {light} [M samples/s]", targets[0], f"{rate / path_seconds:.2f}"
         cpu_rate = rate * (os.cpu_count() or 1) / cpu
@@ -103,7 +103,7 @@ def rival_rows(sample: Sample, size: Resolution, rounds: int) -> Iterator[Row]:
     ratios = []
     for index in range(rounds):
         theirs = cycles.render([FRAME], SAMPLES, index).cpu_seconds
-        ours = sample.render([FRAME], size, settings).sampling_cpu_seconds
+        ours = sample.render([FRAME], size, settings).lighting_cpu_seconds
         ratios.append(theirs / ours)
     yield f"{sample.name}, PATH, 4 bounces: samples/s over Cycles", ">= 3", f"{median(ratios):.2f}"
 

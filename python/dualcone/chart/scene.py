@@ -65,25 +65,8 @@ class Rendering:
     seconds: dict[str, float]
     # Of all threads: unlike the seconds by phase it does not grow when others use the machine.
     cpu_seconds: float
-    # Frames that were traced for each one that was rendered: windows overlap.
-    traced: float
     rays: float
     pixel_memory_bytes: int
-
-    @property
-    def frame_seconds(self) -> dict[str, float]:
-        """Seconds by phase where windows do not overlap, so that each frame is traced once.
-
-        A long animation, rendered many frames together, comes near that.
-        """
-        once = {"export", "build", "pass_1"}
-        shared = {name: self.seconds[name] / self.traced for name in once}
-        return {**self.seconds, **shared}
-
-    @property
-    def sampling_cpu_seconds(self) -> float:
-        """Processor time of both passes, each frame traced once."""
-        return self._cpu_seconds(self.frame_seconds)
 
     @property
     def lighting_seconds(self) -> float:
@@ -92,13 +75,9 @@ class Rendering:
 
     @property
     def lighting_cpu_seconds(self) -> float:
-        """Processor time of the same."""
-        return self._cpu_seconds(self.seconds)
-
-    def _cpu_seconds(self, seconds: Mapping[str, float]) -> float:
+        """Processor time of the same, with what frames around cost that only lend."""
         rendering = sum(self.seconds.values()) - self.seconds["export"]
-        lighting = sum(seconds.get(name, 0.0) for name in ("pass_1", "pass_2", "denoise"))
-        return self.cpu_seconds * lighting / rendering
+        return self.cpu_seconds * self.lighting_seconds / rendering
 
 
 class Scene:
@@ -199,7 +178,6 @@ class Scene:
             pictures,
             seconds,
             (time.process_time() - started) / len(targets),
-            len(numbers) / len(targets),
             report["rays"],
             report["pixel_memory_bytes"],
         )
