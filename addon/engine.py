@@ -141,7 +141,7 @@ class DualConeEngine(bpy.types.RenderEngine):
                 self._warn(NOTHING_TO_SEE)
             # Reading an unchanged scene again is cheap, and proves that no edit came between.
             finished = SESSION.take(order.view, order.recipe, order.frame, current.content_hash)
-            scenes = [] if finished else reader.look_around(current)
+            order, scenes = (order, []) if finished else reader.look_around(current)
         seconds = time.perf_counter() - started
         return Work(renderer, order, seconds, finished, scenes, current.manifests)
 
@@ -222,17 +222,20 @@ class Reader:
             engine._warn(warning)
         return exported
 
-    def look_around(self, current: ExportedFrame) -> list[ExportedFrame]:
-        """Export every frame that the targets need; `current` is the one that Blender was at."""
+    def look_around(self, current: ExportedFrame) -> tuple[Order, list[ExportedFrame]]:
+        """Export every frame that the targets need; `current` is the one that Blender was at.
+
+        Returns them with the order, which has fewer targets where memory is short.
+        """
+        memory = session.physical_memory_bytes()
+        there = {self._order.frame: current}
+        return session.read_window(self._renderer, self._order, there, self._move_and_read, memory)
+
+    def _move_and_read(self, frame: int) -> ExportedFrame:
         engine, order = self._engine, self._order
-        frames = session.frames_needed(self._renderer, order)
-        exported = {order.frame: current}
-        for frame in frames:
-            if frame not in exported:
-                engine.update_stats("", f"Frame {order.frame} | Reading frame {frame}")
-                engine.frame_set(frame, order.subframe)
-                exported[frame] = self.read(frame)
-        return [exported[frame] for frame in frames]
+        engine.update_stats("", f"Frame {order.frame} | Reading frame {frame}")
+        engine.frame_set(frame, order.subframe)
+        return self.read(frame)
 
 
 class Display:

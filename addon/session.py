@@ -12,8 +12,9 @@ import ctypes
 import os
 import sys
 import time
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import takewhile
 from types import ModuleType
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -27,7 +28,9 @@ PREVIEW_SECONDS = 0.5
 LOG_SECONDS = 2.0
 # Film, records and finished passes beside the scene: the most that the renderer may take.
 BYTES_PER_PIXEL_AND_FRAME = 120
-# Share of the machine's memory for frames rendered together; the scene needs the rest.
+# A mesh of its own in every frame, with its tree.
+BYTES_PER_TRIANGLE = 200
+# Share of the machine's memory for the pixels of frames rendered together, and for their scenes.
 MEMORY_SHARE = 0.25
 
 
@@ -197,6 +200,12 @@ def frames_in_memory(pixels: int, memory_bytes: int, pass_bytes: int = 0) -> int
     return max(1, int(memory_bytes * MEMORY_SHARE) // per_frame)
 
 
+def scene_bytes(scenes: Iterable[Any]) -> int:
+    """Tell how much the meshes of some exported frames take; what frames share counts once."""
+    meshes = {id(mesh): mesh for scene in scenes for mesh in scene.meshes}
+    return BYTES_PER_TRIANGLE * sum(mesh.triangle_count for mesh in meshes.values())
+
+
 class _MemoryStatus(ctypes.Structure):
     """MEMORYSTATUSEX of the Windows API."""
 
@@ -245,6 +254,46 @@ def frames_needed(core: ModuleType, order: Order) -> list[int]:
     with _core_errors():
         settings = dict(order.recipe.settings)
         return list(core.window_frames(settings, order.targets, order.recipe.step))
+
+
+def read_window(
+    core: ModuleType,
+    order: Order,
+    scenes: dict[int, Any],
+    read: Callable[[int], Any],
+    memory_bytes: int,
+) -> tuple[Order, list[Any]]:
+    """Read the scenes that an order needs, and give up its last targets where memory is short.
+
+    Args:
+        core: the compiled module.
+        order: the targets; the first stays in any case.
+        scenes: exported frames that are there, by number.
+        read: exports the scene of a frame.
+        memory_bytes: of the machine; `MEMORY_SHARE` of it is for the scenes.
+
+    Returns:
+        The order, and one exported frame for each of `frames_needed`.
+    """
+    scenes = dict(scenes)
+    for frame in frames_needed(core, order):
+        if frame not in scenes:
+            scenes[frame] = read(frame)
+        if scene_bytes(scenes.values()) > memory_bytes * MEMORY_SHARE:
+            order = _without_unread(core, order, scenes)
+            break
+    needed = frames_needed(core, order)
+    return order, [scenes[f] if f in scenes else read(f) for f in needed]
+
+
+def _without_unread(core: ModuleType, order: Order, read: Collection[int]) -> Order:
+    """Keep the first target, and those after it whose frames have all been read."""
+
+    def is_read(target: int) -> bool:
+        return set(frames_needed(core, replace(order, targets=[target]))) <= set(read)
+
+    first, *later = order.targets
+    return replace(order, targets=[first, *takewhile(is_read, later)])
 
 
 def render(

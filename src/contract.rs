@@ -840,7 +840,7 @@ settings! {
     /// Also for a still image, look at the frames around it.
     still_window: bool = Kind::Bool(true), "Stills Look Around";
     /// Frames of an animation that are rendered at once; more share more work and need more memory.
-    frames_together: u32 = Kind::Int(8, 1, 64), "Frames Together";
+    frames_together: u32 = Kind::Int(16, 1, 64), "Frames Together";
     /// Bounces of light in all.
     max_bounces: u32 = Kind::Int(12, 0, 1024), "Total";
     /// Bounces off diffuse surfaces.

@@ -254,8 +254,7 @@ impl WithEstimator for Iterations<'_> {
             .collect();
         let mut targets = self.targets(estimator)?;
         let pixel_bytes = pixel_bytes(estimator, &memories, &targets);
-        let scenes = self.views.iter().map(|v| v.tracer.frame.memory_bytes());
-        let scenes: usize = scenes.sum();
+        let scenes = SceneFrame::memory_bytes(self.views.iter().map(|view| view.tracer.frame));
         self.progress.set_memory_bytes(pixel_bytes + scenes);
         self.progress.expect_iterations(self.job.settings.samples);
         self.progress.enter(Phase::Sample);

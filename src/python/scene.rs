@@ -171,6 +171,6 @@ impl SceneFrame {
     /// Bytes held by its meshes and images.
     #[getter]
     fn memory_bytes(&self) -> usize {
-        self.0.memory_bytes()
+        scene::SceneFrame::memory_bytes(std::iter::once(&*self.0))
     }
 }

@@ -1,6 +1,7 @@
 //! One frame, put together from the boundary arrays.
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
@@ -209,11 +210,16 @@ impl SceneFrame {
         interpolate(corners, barycentric)
     }
 
-    /// Bytes held by the meshes and images.
-    pub fn memory_bytes(&self) -> usize {
-        let meshes: usize = self.meshes.iter().map(|m| m.memory_bytes()).sum();
-        let images: usize = self.images.iter().map(|i| i.memory_bytes()).sum();
-        meshes + images
+    /// Bytes held by the meshes and images of some frames. What they share counts once.
+    pub fn memory_bytes<'a>(frames: impl Iterator<Item = &'a Self>) -> usize {
+        let (mut meshes, mut images) = (HashMap::new(), HashMap::new());
+        for frame in frames {
+            meshes.extend(frame.meshes.iter().map(|m| (Arc::as_ptr(m), m)));
+            images.extend(frame.images.iter().map(|i| (Arc::as_ptr(i), i)));
+        }
+        let meshes = meshes.values().map(|mesh| mesh.memory_bytes());
+        let images = images.values().map(|image| image.memory_bytes());
+        meshes.sum::<usize>() + images.sum::<usize>()
     }
 }
 

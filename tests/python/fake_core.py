@@ -33,6 +33,10 @@ class Mesh:
     def vertices(self) -> np.ndarray:
         return self.arrays["vertices"]
 
+    @property
+    def triangle_count(self) -> int:
+        return len(self.arrays["triangles"])
+
     def moving(self, motion_vertices: np.ndarray) -> Mesh:
         return Mesh(**self.arrays, motion_vertices=motion_vertices)
 

@@ -74,6 +74,33 @@ class TestPlan:
         assert session.frames_in_memory(10**9, 1 << 30) == 1
         assert session.physical_memory_bytes() > 1 << 28
 
+    @pytest.mark.parametrize(
+        ("changed", "memory_bytes", "targets", "frames"),
+        [
+            (True, 1 << 30, [1, 2, 3, 4, 5], range(7)),
+            (True, 4 * 2000 * 4, [1, 2, 3], range(5)),  # The fifth mesh is too much.
+            (True, 1, [1], range(3)),  # Never less than the frame that is asked for.
+            (False, 4 * 2000, [1, 2, 3, 4, 5], range(7)),  # A mesh that stays counts once.
+        ],
+    )
+    def test_scenes_that_change_much_are_rendered_a_few_at_a_time(
+        self, changed: bool, memory_bytes: int, targets: list[int], frames: range
+    ) -> None:
+        still = fake_core.Mesh(triangles=np.zeros((10, 3), np.int32))
+        reads: list[int] = []
+
+        def read(frame: int) -> fake_core.SceneFrame:
+            reads.append(frame)
+            mesh = fake_core.Mesh(triangles=np.zeros((10, 3), np.int32)) if changed else still
+            return fake_core.SceneFrame(frame, [mesh], [], {})
+
+        planned, scenes = session.read_window(
+            fake_core, order(1, 2, 3, 4, 5), {1: read(1)}, read, memory_bytes
+        )
+        assert planned.targets == targets
+        assert [scene.frame for scene in scenes] == list(frames)
+        assert len(reads) == len(set(reads))
+
 
 class TestRegion:
     def test_without_border_is_the_frame(self) -> None:
