@@ -56,6 +56,13 @@ def labelled_rows(panel: bpy.types.Panel) -> bpy.types.UILayout:
     return layout
 
 
+def draw_warning(layout: bpy.types.UILayout, text: str) -> None:
+    """Draw a text of any length below a warning sign."""
+    column = layout.column(align=True)
+    for row, line in enumerate(textwrap.wrap(text, 48)):
+        column.label(text=line, icon="BLANK1" if row else "ERROR")
+
+
 class DUALCONE_PT_sampling_presets(PresetPanel, bpy.types.Panel):
     """Preview, Animation, Final and the user's own."""
 
@@ -110,8 +117,7 @@ class DUALCONE_PT_problem(bpy.types.Panel):
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Show the problem in lines that fit a narrow panel."""
-        for row, line in enumerate(textwrap.wrap(core.problem() or "", 48)):
-            self.layout.label(text=line, icon="NONE" if row else "ERROR")
+        draw_warning(self.layout, core.problem() or "")
 
 
 class DUALCONE_PT_sampling(RenderPanel, bpy.types.Panel):
@@ -133,8 +139,7 @@ class DUALCONE_PT_sampling(RenderPanel, bpy.types.Panel):
         layout.prop(settings, "denoise")
         problem = denoise.problem() if settings.denoise else None
         if problem is not None:
-            for row, line in enumerate(textwrap.wrap(problem, 48)):
-                layout.label(text=line, icon="NONE" if row else "ERROR")
+            draw_warning(layout, problem)
             layout.operator("render.dualcone_denoise_node")
         layout.prop(settings, "seed")
 
