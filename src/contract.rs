@@ -124,6 +124,34 @@ pub const MESH_MOTION: &[ArraySpec] = &[array(
     "Positions at equal steps of the shutter's time, its two ends included.",
 )];
 
+/// Arrays of one grid of voxels: `dualcone.Grid(**arrays)`.
+pub const GRID: &[ArraySpec] = &[
+    array(
+        "voxels",
+        F32,
+        &["X", "Y", "Z", "N"],
+        "1",
+        "Values at the points of a grid: a number, a colour, or a colour and alpha each.",
+    ),
+    array(
+        "index_from_object",
+        F32,
+        &["3", "4"],
+        "point, index from object",
+        "Where in the grid a point of the object lies; the grid's first point has the index 0.",
+    ),
+];
+
+/// The one array of a mesh that holds more than its material says:
+/// `mesh.filled(grids, texture_space, is_scaled)`.
+pub const CONTENT: &[ArraySpec] = &[array(
+    "texture_space",
+    F32,
+    &["B", "3"],
+    "m, object",
+    "Lower corner and size of what Generated coordinates of volumes count from 0 to 1; none for the mesh's own bounds.",
+)];
+
 /// The one array of an image: `dualcone.Image(pixels)`.
 pub const IMAGE: &[ArraySpec] = &[array(
     "pixels",

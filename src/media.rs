@@ -1,30 +1,53 @@
 //! Media that fill bodies or the world: how much light a ray loses in them, and where it is scattered.
 //!
-//! Media are even: what their nodes say holds for a whole body. Where a ray is inside a closed mesh
-//! follows from the number of surfaces ahead of it, so that no path must remember what it entered.
-//! Free flights are drawn from the channels in turn and weighted by the balance heuristic, as in the
-//! walks of [`crate::subsurface`].
+//! Where a ray is inside a closed mesh follows from the number of surfaces ahead of it, so that no path
+//! must remember what it entered. Most media are even: what their nodes say holds for a whole body, and
+//! all about them is known in closed form. Free flights are drawn from the channels in turn and weighted
+//! by the balance heuristic, as in the walks of [`crate::subsurface`]. Flights through media that differ
+//! from place to place are in [`track`].
+
+mod majorant;
+mod track;
+mod uneven;
 
 use glam::Vec3A;
 
 use crate::accel::Accel;
 use crate::math::Ray;
-use crate::scene::{Medium, SceneFrame};
+use crate::sampling::Walk;
+use crate::scene::{Filling, Medium, SceneFrame};
+use crate::shader::{GENERATED, Point, View};
+use track::Mark;
+pub use uneven::Journey;
+use uneven::{Uneven, density_scale, medium_of};
 
 /// The media of a frame.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Media {
-    everywhere: Option<Medium>,
+    everywhere: Option<Filler>,
     /// Instances that are filled.
-    bodies: Vec<(u32, Medium)>,
+    bodies: Vec<(u32, Filler)>,
+    /// Those fillers that differ from place to place.
+    uneven: Vec<Uneven>,
+}
+
+/// What fills the world or a body.
+#[derive(Debug, Clone, Copy)]
+enum Filler {
+    Even(Medium),
+    /// A row of [`Media::uneven`].
+    Uneven(usize),
 }
 
 /// A part of a ray with one medium, or several on top of each other.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 struct Span {
     start: f32,
     end: f32,
+    /// The even ones.
     medium: Medium,
+    /// The others: rows of [`Media::uneven`].
+    uneven: Vec<usize>,
 }
 
 /// What lies along a ray, and where the ray is scattered.
@@ -33,6 +56,10 @@ pub struct Flight {
     spans: Vec<Span>,
     /// Where it is scattered, infinite where it is not.
     end: f32,
+    /// Of a flight through uneven media what it carried, in the order of distances.
+    marks: Vec<Mark>,
+    /// Light that such media gave off.
+    glow: Vec3A,
 }
 
 /// Where a ray is scattered.
@@ -51,18 +78,81 @@ fn depth(extinction: Vec3A, length: f32) -> Vec3A {
     extinction.map(|e| if e > 0.0 { e * length } else { 0.0 })
 }
 
+/// Light that a metre after the other gives off, less what is lost before it leaves.
+fn glow_of(medium: &Medium, length: f32) -> Vec3A {
+    let extinction = medium.extinction();
+    let seen = Vec3A::select(
+        extinction.cmpgt(Vec3A::splat(1e-9)),
+        (1.0 - (-depth(extinction, length)).exp()) / extinction,
+        Vec3A::splat(length),
+    );
+    medium.emission * seen
+}
+
 impl Media {
-    /// What fills the frame's world and bodies.
-    pub fn of(frame: &SceneFrame) -> Self {
-        let bodies = (0u32..).zip(&frame.instances).filter_map(|(index, body)| {
+    /// What fills the frame's world and bodies; `bounds` is the box around all things.
+    pub fn of(frame: &SceneFrame, bounds: Option<(Vec3A, Vec3A)>) -> Self {
+        let mut media = Self::default();
+        for (index, body) in (0u32..).zip(&frame.instances) {
             let mut materials = body.materials.iter();
-            let medium = materials.find_map(|&m| frame.materials[m as usize].medium)?;
-            Some((index, medium))
-        });
-        Self {
-            bodies: bodies.collect(),
-            // Without anything to see, nobody would see the fog.
-            everywhere: frame.medium.filter(|_| !frame.instances.is_empty()),
+            let filling = materials.find_map(|&m| frame.materials[m as usize].medium.as_ref());
+            if let Some(filler) = filling.and_then(|f| media.filler(frame, index, f)) {
+                media.bodies.push((index, filler));
+            }
+        }
+        // Without anything to see, nobody would see the fog.
+        if let (Some(filling), Some(bounds)) = (&frame.medium, bounds) {
+            media.everywhere = media.world(frame, filling, bounds);
+        }
+        media
+    }
+
+    /// What fills the world around things within this box; `None` for nothing.
+    fn world(
+        &mut self,
+        frame: &SceneFrame,
+        filling: &Filling,
+        (lower, upper): (Vec3A, Vec3A),
+    ) -> Option<Filler> {
+        match filling {
+            Filling::Even(medium) => Some(Filler::Even(*medium)),
+            Filling::Uneven(program) if program.differs_in(|key| key == GENERATED) => {
+                let eye = frame.camera.camera_from_world().inverse().translation;
+                let bounds = [lower.min(eye), upper.max(eye)];
+                let uneven = Uneven::of_world(frame, bounds, program);
+                Some(self.kept(uneven))
+            }
+            Filling::Uneven(program) => {
+                Medium::at(program, &Point::nowhere(), &frame.images).map(Filler::Even)
+            }
+        }
+    }
+
+    fn kept(&mut self, uneven: Uneven) -> Filler {
+        self.uneven.push(uneven);
+        Filler::Uneven(self.uneven.len() - 1)
+    }
+
+    /// What fills a body; `None` for nothing.
+    fn filler(&mut self, frame: &SceneFrame, instance: u32, filling: &Filling) -> Option<Filler> {
+        match filling {
+            Filling::Even(medium) => {
+                let placement = &frame.instances[instance as usize].placement;
+                let content = &frame.mesh_of(instance).content;
+                let medium = match content.is_scaled {
+                    true => medium.times(density_scale(content, placement)),
+                    false => *medium,
+                };
+                Some(Filler::Even(medium))
+            }
+            Filling::Uneven(program) => {
+                let content = &frame.mesh_of(instance).content;
+                if !program.differs_in(|key| key == GENERATED || content.has(key)) {
+                    return medium_of(program, frame, instance).map(Filler::Even);
+                }
+                let uneven = Uneven::of_body(frame, instance, program)?;
+                Some(self.kept(uneven))
+            }
         }
     }
 
@@ -73,69 +163,118 @@ impl Media {
 
     /// What lies along a ray with a unit direction, up to its end.
     pub fn along(&self, frame: &SceneFrame, accel: &Accel, ray: &Ray) -> Flight {
-        let mut events: Vec<(f32, f32, Medium)> = Vec::new();
-        if let Some(medium) = self.everywhere {
-            events.push((0.0, ray.t_max, medium));
+        let mut events: Vec<(f32, f32, Filler)> = Vec::new();
+        if let Some(filler) = self.everywhere {
+            events.push((0.0, ray.t_max, filler));
         }
-        for (instance, medium) in &self.bodies {
+        for (instance, filler) in &self.bodies {
             let mut crossings = accel.crossings(frame, ray, *instance);
             if crossings.len() % 2 == 1 {
                 crossings.insert(0, 0.0);
             }
             for pair in crossings.chunks_exact(2) {
-                events.push((pair[0], pair[1].min(ray.t_max), *medium));
+                events.push((pair[0], pair[1].min(ray.t_max), *filler));
             }
         }
         Flight {
             spans: flattened(&events),
             end: f32::INFINITY,
+            ..Flight::default()
+        }
+    }
+
+    /// What becomes of a ray before its end: the flight, with what it shows, and where it is scattered.
+    /// Numbers of an uneven flight come from `numbers`, those of an even one are its first two.
+    pub fn fly(
+        &self,
+        journey: &Journey,
+        accel: &Accel,
+        numbers: impl FnOnce() -> Walk,
+        even_numbers: [f32; 2],
+    ) -> (Flight, Option<Collision>) {
+        let end = journey.ray.t_max;
+        let mut flight = self.along(journey.frame, accel, journey.ray);
+        let collision = if flight.is_even() {
+            flight.glow = flight.glow_until(end);
+            let [u_channel, u] = even_numbers;
+            flight.collide(end, u_channel, u)
+        } else {
+            flight.track(&self.uneven, journey, end, &mut numbers())
+        };
+        (flight, collision)
+    }
+
+    /// Share of the light from a ray's end that arrives; on the mean, by these numbers, where media are
+    /// uneven.
+    pub fn transmittance(
+        &self,
+        journey: &Journey,
+        accel: &Accel,
+        numbers: impl FnOnce() -> Walk,
+    ) -> Vec3A {
+        let flight = self.along(journey.frame, accel, journey.ray);
+        match flight.is_even() {
+            true => flight.transmittance(journey.ray.t_max),
+            false => flight.tracked_transmittance(&self.uneven, journey, &mut numbers()),
         }
     }
 }
 
 /// The parts between the ends of intervals that may overlap.
-fn flattened(intervals: &[(f32, f32, Medium)]) -> Vec<Span> {
+fn flattened(intervals: &[(f32, f32, Filler)]) -> Vec<Span> {
     let mut cuts: Vec<f32> = intervals.iter().flat_map(|i| [i.0, i.1]).collect();
     cuts.sort_unstable_by(f32::total_cmp);
     cuts.dedup();
     let part = |cut: &[f32]| {
-        let inside = |i: &&(f32, f32, Medium)| i.0 <= cut[0] && i.1 >= cut[1];
-        let media = intervals.iter().filter(inside).map(|i| i.2);
-        Some(Span {
+        let inside = |i: &&(f32, f32, Filler)| i.0 <= cut[0] && i.1 >= cut[1];
+        let (mut even, mut uneven): (Option<Medium>, _) = (None, Vec::new());
+        for (_, _, filler) in intervals.iter().filter(inside) {
+            match *filler {
+                Filler::Even(medium) => even = Some(even.map_or(medium, |m| m.and(medium))),
+                Filler::Uneven(row) => uneven.push(row),
+            }
+        }
+        (even.is_some() || !uneven.is_empty()).then(|| Span {
             start: cut[0],
             end: cut[1],
-            medium: media.reduce(Medium::and)?,
+            medium: even.unwrap_or_default(),
+            uneven,
         })
     };
     cuts.windows(2).filter_map(part).collect()
 }
 
 impl Flight {
+    /// Whether all of its media are.
+    fn is_even(&self) -> bool {
+        self.spans.iter().all(|span| span.uneven.is_empty())
+    }
+
+    /// Light that the media gave off.
+    pub fn glow(&self) -> Vec3A {
+        self.glow
+    }
+
     /// Share of the light from this distance that arrives.
-    pub fn transmittance(&self, t: f32) -> Vec3A {
+    fn transmittance(&self, t: f32) -> Vec3A {
         let spans = self.spans.iter().take_while(|span| span.start < t);
         let depths = spans.map(|s| depth(s.medium.extinction(), s.end.min(t) - s.start));
         (-depths.sum::<Vec3A>()).exp()
     }
 
     /// Light that the media give off up to this distance.
-    pub fn glow(&self, t: f32) -> Vec3A {
+    fn glow_until(&self, t: f32) -> Vec3A {
         let spans = self.spans.iter().take_while(|span| span.start < t);
         let light = spans.map(|span| {
-            let (extinction, length) = (span.medium.extinction(), span.end.min(t) - span.start);
-            let seen = Vec3A::select(
-                extinction.cmpgt(Vec3A::splat(1e-9)),
-                (1.0 - (-depth(extinction, length)).exp()) / extinction,
-                Vec3A::splat(length),
-            );
-            self.transmittance(span.start) * span.medium.emission * seen
+            let length = span.end.min(t) - span.start;
+            self.transmittance(span.start) * glow_of(&span.medium, length)
         });
         // Without emission an endless way through nothing is no number.
         light.filter(|light| light.is_finite()).sum()
     }
 
     /// Draws where the ray is scattered before it ends at `end`, and remembers it.
-    pub fn collide(&mut self, end: f32, u_channel: f32, u: f32) -> Option<Collision> {
+    fn collide(&mut self, end: f32, u_channel: f32, u: f32) -> Option<Collision> {
         let channel = ((3.0 * u_channel) as usize).min(2);
         let mut rest = -(1.0 - u).ln();
         for span in &self.spans {
@@ -164,6 +303,9 @@ impl Flight {
     /// Share of the light from this distance that the ray brings, over its probability of getting
     /// there.
     pub fn share(&self, t: f32) -> Vec3A {
+        if !self.marks.is_empty() {
+            return self.tracked_share(t);
+        }
         if self.spans.is_empty() {
             return Vec3A::ONE;
         }
@@ -201,8 +343,12 @@ mod tests {
         let thin = medium(Vec3A::new(0.1, 0.2, 0.0), Vec3A::new(0.1, 0.0, 0.0));
         let dense = medium(Vec3A::splat(1.0), Vec3A::splat(0.5));
         Flight {
-            spans: flattened(&[(0.0, 3.0, thin), (1.0, 2.0, dense)]),
+            spans: flattened(&[
+                (0.0, 3.0, Filler::Even(thin)),
+                (1.0, 2.0, Filler::Even(dense)),
+            ]),
             end: f32::INFINITY,
+            ..Flight::default()
         }
     }
 
@@ -218,10 +364,11 @@ mod tests {
     fn a_body_fills_what_its_surface_encloses() {
         let mut scene = Scene::new();
         let mut fog = Material::of(&[]);
-        fog.medium = Some(medium(Vec3A::splat(0.2), Vec3A::splat(0.3)));
+        fog.medium = Some(Filling::Even(medium(Vec3A::splat(0.2), Vec3A::splat(0.3))));
         scene.add(cube(), Affine3A::IDENTITY, fog);
         let frame = scene.frame(1);
-        let (media, accel) = (Media::of(&frame), Accel::build(&frame, None));
+        let accel = Accel::build(&frame, None);
+        let media = Media::of(&frame, accel.bounds());
         for (start, way) in [(-5.0f32, 2.0f32), (0.25, 0.75)] {
             let ray = Ray::new(start * Vec3A::Y, Vec3A::Y);
             let flight = media.along(&frame, &accel, &ray);
@@ -270,14 +417,15 @@ mod tests {
     fn glow_is_what_is_not_absorbed_on_the_way() {
         let dense = medium(Vec3A::ZERO, Vec3A::new(2.0, 0.5, 0.0));
         let flight = Flight {
-            spans: flattened(&[(0.0, 4.0, dense)]),
+            spans: flattened(&[(0.0, 4.0, Filler::Even(dense))]),
             end: f32::INFINITY,
+            ..Flight::default()
         };
         let expected = Vec3A::new(
             (1.0 - (-6.0f32).exp()) / 2.0,
             (1.0 - (-1.5f32).exp()) / 0.5,
             3.0,
         );
-        assert!((flight.glow(3.0) - expected).abs().max_element() < 1e-5);
+        assert!((flight.glow_until(3.0) - expected).abs().max_element() < 1e-5);
     }
 }

@@ -12,7 +12,7 @@ use glam::Vec3A;
 use crate::accel::{Accel, Hit};
 use crate::contract::Settings;
 use crate::math::Ray;
-use crate::media::{Flight, Media};
+use crate::media::{Flight, Journey, Media};
 use crate::neighbourhood::Neighbourhood;
 use crate::sampling::{
     Bsdf, BsdfSample, LightSample, LightSampler, LobePdfs, LobeValues, Part, Receiver, Sampler,
@@ -425,7 +425,7 @@ impl<'a> Tracer<'a> {
         if self.media.is_empty() {
             return (surface, passed);
         }
-        self.fly(ray, surface, passed, sampler.medium(bounces.total))
+        self.fly(ray, surface, passed, bounces, sampler)
     }
 
     /// What a ray meets in the media before the surface that it would meet without them.
@@ -434,13 +434,21 @@ impl<'a> Tracer<'a> {
         ray: &Ray,
         mut surface: Option<Surface>,
         mut passed: Passed,
-        [u_channel, u]: [f32; 2],
+        bounces: &Bounces,
+        sampler: &Sampler,
     ) -> (Option<Surface>, Passed) {
         let end = surface.as_ref().map_or(ray.t_max, |s| s.distance);
-        let segment = Ray { t_max: end, ..*ray };
-        let mut flight = self.media.along(self.frame, self.accel, &segment);
-        passed.glow = flight.glow(end);
-        let collision = flight.collide(end, u_channel, u);
+        let journey = Journey {
+            frame: self.frame,
+            ray: &Ray { t_max: end, ..*ray },
+            info: &bounces.ray_info(None),
+        };
+        let vertex = bounces.total;
+        let numbers = || sampler.flight(vertex);
+        let (flight, collision) =
+            self.media
+                .fly(&journey, self.accel, numbers, sampler.medium(vertex));
+        passed.glow = flight.glow();
         if let Some(mut collision) = collision {
             collision.weight *= passed.share(collision.t);
             surface = Some(surface::in_medium(ray, &collision));
@@ -480,9 +488,9 @@ impl<'a> Tracer<'a> {
 
     /// Share of the light that a ray lets through which looks for a light after the events
     /// `bounces`.
-    fn lit_share(&self, ray: &Ray, bounces: &Bounces, links: Links) -> Vec3A {
+    fn lit_share(&self, ray: &Ray, bounces: &Bounces, links: Links, sampler: &Sampler) -> Vec3A {
         let share = self.unblocked_share(ray, &bounces.shadow_info(), links);
-        share * self.transmittance(ray, share)
+        share * self.transmittance(ray, share, bounces, sampler)
     }
 
     /// Share of the light that the surfaces on a ray let through.
@@ -496,12 +504,23 @@ impl<'a> Tracer<'a> {
     }
 
     /// Share of the light that the media on a ray let through, if any light is left to lose.
-    fn transmittance(&self, ray: &Ray, light: Vec3A) -> Vec3A {
+    fn transmittance(
+        &self,
+        ray: &Ray,
+        light: Vec3A,
+        bounces: &Bounces,
+        sampler: &Sampler,
+    ) -> Vec3A {
         if self.media.is_empty() || light == Vec3A::ZERO {
             return Vec3A::ONE;
         }
-        let flight = self.media.along(self.frame, self.accel, ray);
-        flight.transmittance(ray.t_max)
+        let journey = Journey {
+            frame: self.frame,
+            ray,
+            info: &bounces.shadow_info(),
+        };
+        let numbers = || sampler.shade(bounces.total);
+        self.media.transmittance(&journey, self.accel, numbers)
     }
 
     fn passed_share(&self, ray: &Ray, info: &RayInfo, links: Links) -> Vec3A {
@@ -905,7 +924,7 @@ impl<'a> Tracer<'a> {
             let is_on_side =
                 |light: &LightSample| side * light.direction.dot(surface.geometric_normal) > 0.0;
             for light in lights.into_iter().flatten().filter(is_on_side) {
-                sum += self.lit_by(&light, surface, from, &pdfs);
+                sum += self.lit_by(&light, surface, from, sampler, &pdfs);
             }
         }
         match vertex {
@@ -920,6 +939,7 @@ impl<'a> Tracer<'a> {
         light: &LightSample,
         surface: &Surface,
         from: &Bounces,
+        sampler: &Sampler,
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
         let (mut values, own) = surface.bsdf.eval(light.direction);
@@ -935,7 +955,7 @@ impl<'a> Tracer<'a> {
         if values.sum() == Vec3A::ZERO {
             return LobeValues::default();
         }
-        let share = self.unshadowed(surface, light, from);
+        let share = self.unshadowed(surface, light, from, sampler);
         if share == Vec3A::ZERO {
             return LobeValues::default();
         }
@@ -949,20 +969,32 @@ impl<'a> Tracer<'a> {
     }
 
     /// Share of light from `distance` [m] on that arrives at a surface from a direction.
-    pub fn ambient(&self, surface: &Surface, direction: Vec3A, distance: f32) -> Vec3A {
+    pub fn ambient(
+        &self,
+        surface: &Surface,
+        direction: Vec3A,
+        distance: f32,
+        sampler: &Sampler,
+    ) -> Vec3A {
         let mut ray = surface.ray_towards(direction);
         ray.t_max = distance;
-        self.lit_share(&ray, &Bounces::default(), Links::default())
+        self.lit_share(&ray, &Bounces::default(), Links::default(), sampler)
     }
 
     /// Share of a light's radiance that arrives.
-    fn unshadowed(&self, surface: &Surface, light: &LightSample, from: &Bounces) -> Vec3A {
+    fn unshadowed(
+        &self,
+        surface: &Surface,
+        light: &LightSample,
+        from: &Bounces,
+        sampler: &Sampler,
+    ) -> Vec3A {
         if !light.reach.visibility.includes(RayKind::Shadow) {
             return Vec3A::ONE;
         }
         let mut ray = surface.ray_towards(light.direction);
         ray.t_max = light.distance * SHADOW_END;
-        self.lit_share(&ray, from, light.reach.links)
+        self.lit_share(&ray, from, light.reach.links, sampler)
     }
 }
 
@@ -1028,7 +1060,8 @@ fn survival_probability(bounce: u32, throughput: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::contract::{Filter, Method};
-    use crate::scene::{Light, LightKind, Material, Medium, Reach};
+    use crate::scene::{Filling, Light, LightKind, Material, Medium, Reach};
+    use crate::shader::{Draft, Row};
     use crate::testing::{
         Scene, Shoot, camera, cube, diffuse, glossy, glowing, mean_radiance, plain_world, square,
     };
@@ -1163,12 +1196,12 @@ mod tests {
     fn each_channel_of_what_lies_behind_fog_follows_beer() {
         let absorption = Vec3A::new(0.1, 0.5, 1.0);
         let mut fog = Material::of(&[("transparent", &[("Weight", 1.0), ("Color", 1.0)])]);
-        fog.medium = Some(Medium {
+        fog.medium = Some(Filling::Even(Medium {
             scattering: Vec3A::ZERO,
             absorption,
             emission: Vec3A::ZERO,
             anisotropy: 0.0,
-        });
+        }));
         let mut scene = Scene::new();
         scene.world = plain_world(0.0);
         scene.camera = camera(Vec3::ZERO, Vec3::Y, 0.02);
@@ -1236,6 +1269,68 @@ mod tests {
         };
         let radiance = seen_after(&fog(1.5, 0.0, 0.0), settings);
         assert!((radiance - 1.0).abs() < 5e-3, "{radiance}");
+    }
+
+    /// The same cube with fog that is 1.5 / m thick times what a noise says, up to seven times that.
+    fn uneven_fog() -> Scene {
+        let rows: &[Row] = &[
+            ("coordinate", &[], 1),
+            // Three dimensions, FBM, normalised, Fac.
+            (
+                "noise",
+                &[0, -1, -2, -2, -3, -2, -1, -1, -1],
+                2 + 4 * (3 + 5),
+            ),
+            ("multiply", &[1, -4], 0),
+            ("multiply", &[2, 1], 0),
+            ("volume", &[-5, 3, -1, -1, -3], 0),
+            ("transparent", &[-5, -5], 0),
+        ];
+        let constants = [[0.0; 3], [2.0; 3], [0.5; 3], [10.0; 3], [1.0; 3]];
+        let mut scene = Scene::new();
+        let place = Affine3A::from_translation(Vec3::new(0.0, 4.0, 0.0));
+        scene.add(
+            cube(),
+            place * Affine3A::from_scale(Vec3::new(9.0, 1.0, 9.0)),
+            Material::new(&Draft::of(rows, &constants).unwrap()),
+        );
+        scene
+    }
+
+    #[test]
+    fn uneven_fog_that_does_not_absorb_is_white_in_a_white_world() {
+        let settings = Settings {
+            max_bounces: 1024,
+            volume_bounces: 1024,
+            transparent_max_bounces: 1024,
+            ..Settings::default()
+        };
+        let radiance = seen_after(&uneven_fog(), settings);
+        assert!((radiance - 1.0).abs() < 5e-3, "{radiance}");
+    }
+
+    #[test]
+    fn uneven_fog_is_the_same_for_any_number_of_threads() {
+        let frames = [uneven_fog().frame(1)];
+        for method in [Method::Path, Method::DualCone] {
+            let pictures = |threads| {
+                let settings = Settings {
+                    method,
+                    samples: 4,
+                    window: 1,
+                    volume_bounces: 2,
+                    ..Settings::default()
+                };
+                let shoot = Shoot {
+                    frames: &frames,
+                    settings,
+                    size: 16,
+                    threads,
+                };
+                shoot.pictures(&[1])
+            };
+            assert_eq!(pictures(1), pictures(3));
+        }
     }
 
     /// Along a ray of slope `1 / cos` the way through the slab, 2 m thick, is `2 / cos`.

@@ -101,11 +101,12 @@ struct Stage {
 impl Stage {
     /// What is costly to make and unchanged is taken over from the frame before.
     fn of(frame: &SceneFrame, before: Option<(&SceneFrame, &Self)>) -> Self {
+        let accel = Accel::build(frame, before.map(|(frame, _)| frame));
         Self {
-            accel: Accel::build(frame, before.map(|(frame, _)| frame)),
             lights: LightSampler::build(frame, before.map(|(_, stage)| &stage.lights)),
             see_through: see_through(frame),
-            media: Media::of(frame),
+            media: Media::of(frame, accel.bounds()),
+            accel,
         }
     }
 

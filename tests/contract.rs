@@ -6,7 +6,8 @@
 use std::{env, fs, path::Path};
 
 use dualcone::contract::{
-    ArraySpec, FRAME, IMAGE, Kind, MESH, MESH_MOTION, PASSES, PassSpec, SETTINGS, SettingSpec,
+    ArraySpec, CONTENT, FRAME, GRID, IMAGE, Kind, MESH, MESH_MOTION, PASSES, PassSpec, SETTINGS,
+    SettingSpec,
 };
 
 const PAGE: &str = "docs/contract.md";
@@ -20,7 +21,7 @@ Rendered from the tables in `src/contract.rs` by `tests/contract.rs`; change the
 Letters in a shape are lengths that the caller chooses: V vertices, T triangles, I instances,
 S material slots, C closures, M materials, L lights, H x W pixels, J moving instances, R placements of
 them, Y times while the shutter is open, U parts of its time, E frames around, F instances that
-differ there, with W vertices, G and H as I and M where Cryptomatte asks. Everything that does not say so is given for the middle of that time,
+differ there, with W vertices, X x Y x Z points of a grid with N numbers each, G and H as I and M where Cryptomatte asks. Everything that does not say so is given for the middle of that time,
 the frame's own. The world's Z is up, matrices
 multiply column vectors from the left, and colours are scene linear. Arrays are C-contiguous.
 ";
@@ -105,6 +106,8 @@ fn page() -> String {
         INTRODUCTION.to_owned(),
         arrays("Mesh", MESH),
         arrays("Mesh motion", MESH_MOTION),
+        arrays("Content of a mesh", CONTENT),
+        arrays("Grid", GRID),
         arrays("Image", IMAGE),
         arrays("Frame", FRAME),
         settings(SETTINGS),

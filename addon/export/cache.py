@@ -144,6 +144,10 @@ class ExportCache:
         """Note that this frame shows an image."""
         self._last_image_use[key] = self.statistics.frames
 
+    def keep_mesh(self, digest: bytes) -> None:
+        """Note that this frame shows a mesh."""
+        self._last_use[digest] = self.statistics.frames
+
     def _drop(self, digest: bytes) -> None:
         del self._last_use[digest]
         mesh = self.meshes.pop(digest, None)

@@ -20,6 +20,7 @@ from .material import MaterialTable
 from .mesh import NotFinite, load_mesh, load_surface, mesh_positions
 from .points import placements, read_points, unit_ball
 from .report import ExportStopped, Warnings
+from .shader.layers import VOLUME_GENERATED
 from .shutter import Times, motion_steps, motion_times
 from .strands import (
     Strands,
@@ -31,9 +32,17 @@ from .strands import (
 )
 from .transform import is_singular, is_without_area
 from .visibility import CAMERA, bits
+from .volume import (
+    filled,
+    grid_box,
+    grid_names,
+    mesh_texture_space,
+    read_smoke,
+    read_volume,
+    smoke_domain,
+)
 
 LEFT_OUT_TYPES = {
-    "VOLUME": "volumes are",
     "GREASEPENCIL": "Grease Pencil is",
     "GPENCIL": "Grease Pencil is",
     "LIGHT_PROBE": "light probes are",
@@ -85,12 +94,6 @@ class Seen:
     names: tuple[int, ...]
     # The sets that its light reaches and that stop it.
     links: tuple[int, int]
-
-
-def holds_smoke(owner: bpy.types.Object) -> bool:
-    """Whether an object is the box of a simulation of smoke or fire."""
-    domains = (m for m in owner.modifiers if m.type == "FLUID" and m.fluid_type == "DOMAIN")
-    return any(m.domain_settings.domain_type == "GAS" for m in domains)
 
 
 @dataclass
@@ -314,10 +317,7 @@ class InstanceTable:
     def _load_shapes(self, owner: bpy.types.Object) -> list[Shape]:
         if owner.type in LEFT_OUT_TYPES:
             self.warnings.add(owner.name, f"{LEFT_OUT_TYPES[owner.type]} not rendered yet")
-        if holds_smoke(owner):
-            self.warnings.add(owner.name, "smoke and fire are not rendered yet")
-            return []
-        load = SHAPES.get(owner.type)
+        load = InstanceTable._smoke_shapes if smoke_domain(owner) else SHAPES.get(owner.type)
         try:
             return load(self, owner) if load else []
         except NotFinite:
@@ -333,6 +333,10 @@ class InstanceTable:
         mesh = self._mesh(owner, layers)
         shapes = []
         if mesh is not None:
+            if any(VOLUME_GENERATED in self.materials.grids[row] for row in rows):
+                mesh = filled(
+                    mesh, [], mesh_texture_space(owner.data), False, self.cache, self.core
+                )
             shapes.append(replace(self._shape(owner, mesh, rows), positions=mesh_positions))
         for index, system in enumerate(owner.particle_systems):
             if has_hair(system):
@@ -374,6 +378,26 @@ class InstanceTable:
         ball = self._plain_shape(owner, unit_ball(), self._material_rows(owner)[0])
         return [replace(ball, balls=read_points(owner.data))]
 
+    def _volume_shapes(self, owner: bpy.types.Object) -> list[Shape]:
+        rows = self._material_rows(owner)
+        wanted = grid_names(self.materials.grids[row] for row in rows)
+        entry = self.cache.evaluated(owner)
+        if entry is not None and (entry.mesh is None or entry.mesh.layers == wanted):
+            mesh = entry.mesh
+        else:
+            grids = read_volume(owner, wanted, self.warnings)
+            is_scaled = owner.data.render.space == "OBJECT"
+            mesh = grid_box(grids, wanted, is_scaled, self.cache, self.core)
+            self.cache.remember(owner, mesh)
+        return [self._shape(owner, mesh, rows)] if mesh else []
+
+    def _smoke_shapes(self, owner: bpy.types.Object) -> list[Shape]:
+        rows = self._material_rows(owner)
+        wanted = grid_names(self.materials.grids[row] for row in rows)
+        grids = read_smoke(owner, wanted, self.depsgraph.scene.frame_current)
+        mesh = grid_box(grids, wanted, False, self.cache, self.core)
+        return [self._shape(owner, mesh, rows)] if mesh else []
+
     def _plain_shape(self, owner: bpy.types.Object, surface: Surface, row: int) -> Shape:
         """A shape of one material."""
         mesh = load_surface(surface, self.cache, self.core)
@@ -413,6 +437,8 @@ class InstanceTable:
         """Row of the material in each slot; one row where there is no slot."""
         override = self.depsgraph.view_layer_eval.material_override
         materials = [override or slot.material for slot in owner.material_slots] or [override]
+        if owner.type == "VOLUME" or smoke_domain(owner):
+            return [self.materials.index_of_volume(material) for material in materials]
         return [self.materials.index(material) for material in materials]
 
     def _slots(self, rows: list[int]) -> tuple[int, int]:
@@ -442,4 +468,5 @@ SHAPES: dict[str, Callable[[InstanceTable, bpy.types.Object], list[Shape]]] = {
     "MESH": InstanceTable._mesh_shapes,
     "CURVES": InstanceTable._curves_shapes,
     "POINTCLOUD": InstanceTable._point_shapes,
+    "VOLUME": InstanceTable._volume_shapes,
 }

@@ -16,11 +16,22 @@ from .image import ImageTable
 from .matte import MATERIAL, NO_MATERIAL, Mattes
 from .nodes import RecursiveGroup, Source, active_output, find_input, nodes_of, surface
 from .report import Warnings
-from .shader import Compiler, Operations, Program, Programs, compile_surface, compile_volume
+from .shader import (
+    Compiler,
+    Operations,
+    Program,
+    Programs,
+    compile_surface,
+    compile_volume,
+    default_volume,
+)
 from .shader.closures import default_surface, diffuse_surface
 from .shader.compiler import ONE
 from .shader.layers import FLAT, output_key
 from .shader.nodes import displaced_normal
+
+# Stands in for the `session_uid` of the default volume; Blender's are not negative.
+DEFAULT_VOLUME = -1
 
 
 @dataclass
@@ -39,6 +50,8 @@ class MaterialTable:
     programs: Programs = field(default_factory=Programs)
     # What each material reads from meshes, by the names in `shader/layers.py`.
     layers: list[frozenset[str]] = field(default_factory=list)
+    # The same of what their volumes read from grids.
+    grids: list[frozenset[str]] = field(default_factory=list)
     _pass_indices: list[int] = field(default_factory=list)
     _matte_numbers: list[float] = field(default_factory=list)
     _rows: dict[int, int] = field(default_factory=dict)
@@ -59,6 +72,18 @@ class MaterialTable:
                 compile_outputs(compiler, material, self.outputs)
 
         return self._row(uid, compiler, write)
+
+    def index_of_volume(self, material: bpy.types.Material | None) -> int:
+        """The same for the material of a volume object; None is Blender's default volume."""
+        if material is not None:
+            return self.index(material)
+        compiler = Compiler("", 0, self._operations)
+
+        def write() -> None:
+            default_volume(compiler)
+            compiler.emit("transparent", ONE, ONE)
+
+        return self._row(DEFAULT_VOLUME, compiler, write)
 
     def index_of_light(self, light: bpy.types.Light) -> int:
         """Row of an evaluated light's nodes, which are compiled as a material's."""
@@ -93,6 +118,7 @@ class MaterialTable:
             self.programs.add(program, self.images, self.depsgraph)
             self._rows[uid] = len(self.layers)
             self.layers.append(frozenset(program.layers))
+            self.grids.append(frozenset(program.grids))
             self._pass_indices.append(compiler.material_index)
             if self.mattes:
                 name = compiler.name or NO_MATERIAL

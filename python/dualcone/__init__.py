@@ -6,6 +6,7 @@ spaces. A `Mesh` or `Image` is checked once and then shared by all frames that s
 """
 
 from .dualcone import (
+    Grid,
     Image,
     Mesh,
     Render,
@@ -17,6 +18,7 @@ from .dualcone import (
 )
 
 __all__ = [
+    "Grid",
     "Image",
     "Mesh",
     "Render",

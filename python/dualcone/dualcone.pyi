@@ -42,6 +42,8 @@ class Contract(TypedDict):
 
     mesh: list[ArrayRow]
     mesh_motion: list[ArrayRow]
+    content: list[ArrayRow]
+    grid: list[ArrayRow]
     image: list[ArrayRow]
     frame: list[ArrayRow]
     settings: list[dict[str, Any]]
@@ -122,6 +124,17 @@ class Mesh:
     ) -> Mesh: ...
     def moving(self, motion_vertices: NDArray[np.float32]) -> Mesh:
         """The same mesh, which changes its form while the shutter is open."""
+    def filled(
+        self,
+        grids: Sequence[tuple[int, Grid]],
+        texture_space: NDArray[np.float32],
+        is_scaled: bool,
+    ) -> Mesh:
+        """The same mesh with grids in it, by the hashes of their names.
+
+        `texture_space` (0 or 2, 3) is what Generated coordinates of volumes count: a corner and a
+        size. With `is_scaled` the volume gets thinner as the object is scaled up.
+        """
 
     @property
     def vertex_count(self) -> int: ...
@@ -130,6 +143,14 @@ class Mesh:
     @property
     def vertices(self) -> NDArray[np.float32]:
         """A copy of the positions (V, 3) [m], object space."""
+
+@final
+class Grid:
+    """Voxels (X, Y, Z, N) in the space of an object; values that are not finite become zero."""
+
+    def __new__(
+        cls, voxels: NDArray[np.float32], index_from_object: NDArray[np.float32]
+    ) -> Grid: ...
 
 @final
 class Image:

@@ -4,8 +4,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString};
 
 use crate::contract::{
-    ArraySpec, FRAME, IMAGE, Kind, MESH, MESH_MOTION, PASSES, SETTINGS, SettingSpec, Settings,
-    Value,
+    ArraySpec, CONTENT, FRAME, GRID, IMAGE, Kind, MESH, MESH_MOTION, PASSES, SETTINGS, SettingSpec,
+    Settings, Value,
 };
 use crate::reuse;
 use crate::shader::{OPERATIONS, Parameter};
@@ -17,6 +17,8 @@ pub fn contract(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let tables = [
         ("mesh", MESH),
         ("mesh_motion", MESH_MOTION),
+        ("content", CONTENT),
+        ("grid", GRID),
         ("image", IMAGE),
         ("frame", FRAME),
     ];

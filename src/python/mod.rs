@@ -23,7 +23,7 @@ mod dualcone {
     #[pymodule_export]
     use super::render::Render;
     #[pymodule_export]
-    use super::scene::{Image, Mesh, SceneFrame};
+    use super::scene::{Grid, Image, Mesh, SceneFrame};
 
     /// Version of the renderer, equal to the add-on's.
     #[pymodule_export]

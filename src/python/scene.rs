@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use super::arrays::Held;
-use crate::contract::{FRAME, IMAGE, MESH, MESH_MOTION};
+use crate::contract::{CONTENT, FRAME, GRID, IMAGE, MESH, MESH_MOTION};
 use crate::scene::{self, Encoding, Extension, Interpolation, Lookup};
 
 /// A triangle mesh in object space; hand the same one to every frame that shows it unchanged.
@@ -46,6 +46,19 @@ impl Mesh {
         Ok(Self(Arc::new(self.0.moving(held.given()?)?)))
     }
 
+    /// The same mesh with grids in it, by the hashes of their names.
+    fn filled(
+        &self,
+        grids: Vec<(u32, PyRef<'_, Grid>)>,
+        texture_space: Bound<'_, PyAny>,
+        is_scaled: bool,
+    ) -> PyResult<Self> {
+        let held = Held::of_list(CONTENT, &[texture_space])?;
+        let grids = grids.iter().map(|(key, grid)| (*key, grid.0.clone()));
+        let filled = self.0.filled(grids.collect(), held.given()?, is_scaled)?;
+        Ok(Self(Arc::new(filled)))
+    }
+
     /// Number of vertices.
     #[getter]
     fn vertex_count(&self) -> usize {
@@ -63,6 +76,19 @@ impl Mesh {
     fn vertices<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let numbers = self.0.vertices.iter().flat_map(|v| v.to_array());
         PyArray1::from_iter(py, numbers).reshape([self.0.vertices.len(), 3])
+    }
+}
+
+/// Voxels in the space of an object; values that are not finite become zero.
+#[pyclass(frozen)]
+pub struct Grid(pub Arc<scene::Grid>);
+
+#[pymethods]
+impl Grid {
+    #[new]
+    fn new(voxels: Bound<'_, PyAny>, index_from_object: Bound<'_, PyAny>) -> PyResult<Self> {
+        let held = Held::of_list(GRID, &[voxels, index_from_object])?;
+        Ok(Self(Arc::new(scene::Grid::new(held.given()?)?)))
     }
 }
 

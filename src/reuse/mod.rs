@@ -336,7 +336,7 @@ impl View<'_> {
         let local = sample_cosine_hemisphere(sampler.scatter(0).direction);
         let direction = Frame::from_normal(normal).to_world(local);
         let distance = self.tracer.frame.passes.ambient_distance;
-        self.tracer.ambient(surface, direction, distance)
+        self.tracer.ambient(surface, direction, distance, sampler)
     }
 
     fn sighting(&self, shot: &Shot, shown: &Shown, coverage: f32) -> Sighting {

@@ -160,9 +160,25 @@ impl Sampler {
 
     /// Numbers for a walk of any length below the surface at the path's vertex number `vertex`.
     pub fn walk(&self, vertex: u32) -> Walk {
-        let words = [vertex, self.index];
+        self.numbers(vertex, Use::Walk, [vertex, self.index])
+    }
+
+    /// Numbers that decide what becomes of the ray from the path's vertex number `vertex` in media
+    /// that differ from place to place; the first two are those of [`Sampler::medium`].
+    pub fn flight(&self, vertex: u32) -> Walk {
+        self.numbers(vertex, Use::Medium, [!vertex, self.index])
+    }
+
+    /// The same for the rays that look for light from there.
+    pub fn shade(&self, vertex: u32) -> Walk {
+        // Only vertex 0 is the camera's: those after it have the place of its numbers to spare.
+        let free = vertex.wrapping_add(1);
+        self.numbers(free, Use::Camera, [vertex ^ 1 << 31, self.index])
+    }
+
+    fn numbers(&self, vertex: u32, purpose: Use, words: [u32; 2]) -> Walk {
         Walk {
-            first: self.point(vertex, Use::Walk),
+            first: self.point(vertex, purpose),
             seed: words
                 .into_iter()
                 .fold(mix(self.seed), |hash, word| mix(hash ^ word)),

@@ -9,8 +9,8 @@ use glam::{Affine3A, Mat3, Mat3A, Mat4, Vec2, Vec3, Vec3A, Vec4};
 use super::displacement::displace;
 use super::motion::{Bounds, bounds_of_placed};
 use super::{
-    Camera, CameraMotion, Flow, ForPasses, Image, Lens, Light, LightKind, Links, Material, Mattes,
-    Medium, Membership, Mesh, Mist, Moved, Panorama, Placement, Projection, Reach, Trajectory,
+    Camera, CameraMotion, Filling, Flow, ForPasses, Image, Lens, Light, LightKind, Links, Material,
+    Mattes, Membership, Mesh, Mist, Moved, Panorama, Placement, Projection, Reach, Trajectory,
     Visibility, World,
 };
 use crate::contract::{Arrays, FRAME, Given};
@@ -93,7 +93,7 @@ pub struct SceneFrame {
     /// The surroundings.
     pub world: World,
     /// What fills them.
-    pub medium: Option<Medium>,
+    pub medium: Option<Filling>,
     /// What it tells for passes alone.
     pub passes: ForPasses,
 }
@@ -625,10 +625,10 @@ fn panorama(arrays: &Arrays) -> Result<Option<(Panorama, Vec2)>> {
     Ok(Some((panorama, Vec2::new(shift_x, shift_y))))
 }
 
-fn world_medium(arrays: &Arrays, materials: &[Material]) -> Result<Option<Medium>> {
+fn world_medium(arrays: &Arrays, materials: &[Material]) -> Result<Option<Filling>> {
     let given = arrays.i32s("world_material")[0];
     let row = optional_index("world_material", 0, given, materials.len(), "materials")?;
-    Ok(row.and_then(|row| materials[row as usize].medium))
+    Ok(row.and_then(|row| materials[row as usize].medium.clone()))
 }
 
 fn world(arrays: &Arrays, images: &[Arc<Image>]) -> Result<World> {

@@ -16,8 +16,8 @@ impl Attributes for Uniform {
     }
 }
 
-/// What fills a body: even, coefficients per metre.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// What a place is filled with: coefficients per metre.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Medium {
     /// Scattering coefficient [1/m].
     pub scattering: Vec3A,
@@ -47,10 +47,20 @@ impl Medium {
         }
     }
 
-    /// What a program fills a body with; `None` for nothing.
-    fn of(program: &Program) -> Option<Self> {
+    /// The same, thicker.
+    pub fn times(self, factor: f32) -> Self {
+        Self {
+            scattering: self.scattering * factor,
+            absorption: self.absorption * factor,
+            emission: self.emission * factor,
+            ..self
+        }
+    }
+
+    /// What a program says of a point; `None` for nothing.
+    pub fn at(program: &Program, point: &Point, images: &[Arc<Image>]) -> Option<Self> {
         let mut found: Option<Self> = None;
-        program.run(&Point::nowhere(), &[], &mut |closure| {
+        program.run(point, images, &mut |closure| {
             if let Closure::Volume(volume) = closure {
                 let medium = Self {
                     scattering: volume.weight * volume.scatter,
@@ -62,6 +72,28 @@ impl Medium {
             }
         });
         found.filter(|m| m.extinction() != Vec3A::ZERO || m.emission != Vec3A::ZERO)
+    }
+}
+
+/// What fills a body of a material.
+#[derive(Clone)]
+pub enum Filling {
+    /// The same everywhere.
+    Even(Medium),
+    /// What a program says of each body, or of each place.
+    Uneven(Program),
+}
+
+impl Filling {
+    /// What a program fills a body with; `None` for nothing.
+    fn of(program: Program) -> Option<Self> {
+        if program.is_empty() {
+            return None;
+        }
+        if !program.is_uniform() {
+            return Some(Self::Uneven(program));
+        }
+        Medium::at(&program, &Point::nowhere(), &[]).map(Self::Even)
     }
 }
 
@@ -115,7 +147,7 @@ pub struct Material {
     /// Which light leaves on its own, given that the ray did not pass straight on.
     pub emission: Program,
     /// What fills a body of it.
-    pub medium: Option<Medium>,
+    pub medium: Option<Filling>,
     /// Where vertices of it go.
     pub displacement: Option<Displacement>,
     /// What passes of the user's own show of it.
@@ -131,7 +163,7 @@ impl Material {
             surface: draft.program(Use::Surface),
             transparency: draft.program(Use::Transparency),
             emission: draft.program(Use::Emission),
-            medium: Medium::of(&draft.program(Use::Volume)),
+            medium: Filling::of(draft.program(Use::Volume)),
             displacement: Displacement::of(draft.program(Use::Displacement)),
             output: draft.program(Use::Output),
             pass_index: 0.0,

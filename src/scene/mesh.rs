@@ -5,7 +5,8 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 use glam::{Mat3A, Vec2, Vec3, Vec3A, Vec4};
 
 use super::motion::step_at;
-use crate::contract::{Arrays, Given, MESH, MESH_MOTION};
+use super::{Content, Grid};
+use crate::contract::{Arrays, CONTENT, Given, MESH, MESH_MOTION};
 use crate::error::{Error, Result};
 use crate::kernel::{Positions, TriangleBvh};
 use crate::shader::{FLAT, UNDISPLACED};
@@ -20,6 +21,8 @@ pub struct Mesh {
     pub faces: Arc<Vec<Face>>,
     /// Further values of each triangle's corners, by the hash of their name.
     pub layers: Arc<Vec<Layer>>,
+    /// What it encloses.
+    pub content: Content,
     /// Positions at equal steps of the shutter's time; none where it keeps its form.
     motion: Vec<Vec<Vec3>>,
     /// One for each step of the motion; one where there is none.
@@ -70,6 +73,7 @@ impl Mesh {
             layers: Arc::new(layers(&arrays, triangles.len())),
             vertices: Arc::new(vertices),
             triangles: Arc::new(triangles),
+            content: Content::default(),
             motion: Vec::new(),
             bvhs: OnceLock::new(),
             displaced: Mutex::default(),
@@ -97,10 +101,50 @@ impl Mesh {
             triangles: self.triangles.clone(),
             faces: self.faces.clone(),
             layers: self.layers.clone(),
+            content: self.content.clone(),
             motion: positions
                 .chunks_exact(count)
                 .map(<[Vec3]>::to_vec)
                 .collect(),
+            bvhs: OnceLock::new(),
+            displaced: Mutex::default(),
+        })
+    }
+
+    /// The same mesh with grids in it, by the hashes of their names, and the array of [`CONTENT`]. It
+    /// shares all else.
+    ///
+    /// # Errors
+    /// An array that breaks the contract, one corner of a texture space without the other.
+    pub fn filled(
+        &self,
+        grids: Vec<(u32, Arc<Grid>)>,
+        given: Vec<Given>,
+        is_scaled: bool,
+    ) -> Result<Self> {
+        let arrays = Arrays::checked(CONTENT, given)?;
+        let texture_space = match *vec3s(arrays.f32s("texture_space")) {
+            [] => None,
+            [low, size] => Some([low.into(), size.into()]),
+            ref others => {
+                return Err(Error::Range {
+                    field: "texture_space",
+                    value: format!("{} rows", others.len()),
+                    range: "0 or 2".into(),
+                });
+            }
+        };
+        Ok(Self {
+            vertices: self.vertices.clone(),
+            triangles: self.triangles.clone(),
+            faces: self.faces.clone(),
+            layers: self.layers.clone(),
+            content: Content {
+                grids,
+                texture_space,
+                is_scaled,
+            },
+            motion: self.motion.clone(),
             bvhs: OnceLock::new(),
             displaced: Mutex::default(),
         })
@@ -159,6 +203,7 @@ impl Mesh {
                 true => Arc::new(self.layers_and_positions()),
                 false => self.layers.clone(),
             },
+            content: self.content.clone(),
             motion: self.motion.iter().map(moved).collect(),
             bvhs: OnceLock::new(),
             displaced: Mutex::default(),
@@ -293,6 +338,7 @@ impl Mesh {
         let per_triangle = size_of::<[u32; 3]>() + size_of::<Face>();
         let layers = self.layers.len() * self.triangles.len() * size_of::<[Vec4; 3]>();
         layers
+            + self.content.memory_bytes()
             + self.vertices.len() * size_of::<Vec3>()
             + self.triangles.len() * per_triangle
             + self.motion.len() * self.vertices.len() * size_of::<Vec3>()

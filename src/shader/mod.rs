@@ -21,7 +21,7 @@ pub use closure::{Closure, Distribution, Glass, Glossy, Principled, Subsurface, 
 pub use operation::{OPERATIONS, Operation, Parameter};
 pub use ops::TABLE_SIZE;
 pub use point::{
-    Around, Attributes, FILTER_WIDTH, FLAT, ObjectInfo, Point, RayInfo, RayKind, Search,
+    Around, Attributes, FILTER_WIDTH, FLAT, GENERATED, ObjectInfo, Point, RayInfo, RayKind, Search,
     UNDISPLACED, View,
 };
 #[cfg(test)]

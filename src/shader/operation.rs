@@ -53,6 +53,17 @@ impl Operation {
     pub fn is_closure(&self) -> bool {
         matches!(self.run, Run::Closure(_))
     }
+
+    /// Whether it reads a layer.
+    pub(super) fn asks_layer(&self) -> bool {
+        !self.is_closure() && matches!(self.parameter, Attribute)
+    }
+
+    /// Whether it reads where it is, beside its operands and layers.
+    pub(super) fn asks_place(&self) -> bool {
+        let is_still = self.is_closure() || self.is_pure || self.asks_layer();
+        !is_still && !UNPLACED.contains(&self.name)
+    }
 }
 
 /// Most lists of modes that an operation has.
@@ -153,6 +164,19 @@ const DIMENSIONS: &[&str] = &["1D", "2D", "3D", "4D"];
 /// The operations that ask what is around the point.
 pub(super) const AROUND: [&str; 2] = ["ambient_occlusion", "bevel"];
 
+/// The operations that are not pure, but compute the same from the same operands all over a body.
+pub(super) const UNPLACED: [&str; 9] = [
+    "ramp_color",
+    "ramp_alpha",
+    "ramp_color_stepped",
+    "ramp_alpha_stepped",
+    "curves",
+    "image_color",
+    "image_alpha",
+    "ies",
+    "object_info",
+];
+
 /// Everything an instruction may do; its number is the row.
 #[rustfmt::skip]
 pub static OPERATIONS: &[Operation] = &[
@@ -200,6 +224,7 @@ pub static OPERATIONS: &[Operation] = &[
     pure("brick", &["Vector", "Color1", "Color2", "Mortar", "Scale", "Mortar Size", "Mortar Smooth", "Bias", "Brick Width", "Row Height", "offset", "offset_frequency", "squash", "squash_frequency"], Modes(&[&["Color", "Fac"]]), pattern::brick),
     pure("gradient", &["Vector"], Modes(&[&["LINEAR", "QUADRATIC", "EASING", "DIAGONAL", "SPHERICAL", "QUADRATIC_SPHERE", "RADIAL"]]), pattern::gradient),
     here("attribute", &[], Attribute, input::attribute),
+    here("attribute_or_one", &[], Attribute, input::attribute_or_one),
     here("attribute_alpha", &[], Attribute, input::attribute_alpha),
     here("geometry", &[], Modes(&[&["Position", "Normal", "True Normal", "Incoming", "Parametric", "Backfacing"]]), input::geometry),
     here("coordinate", &[], Modes(&[&["Normal", "Object", "Camera", "Window", "Reflection"]]), input::coordinate),

@@ -6,6 +6,8 @@ use glam::{Affine3A, Vec2, Vec3A, Vec4};
 pub const FLAT: u32 = 1;
 /// Key of the layer of positions before they were displaced, object space [m].
 pub const UNDISPLACED: u32 = 2;
+/// Key of the layer of Generated coordinates within a volume.
+pub const GENERATED: u32 = 3;
 
 /// Values that a mesh keeps at the corners of its triangles, at one triangle.
 pub trait Attributes {

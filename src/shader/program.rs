@@ -91,6 +91,10 @@ pub struct Program {
     /// How far away the neighbours are at which bumps look, in pixels.
     filter_width: f32,
     asks_around: bool,
+    asks_place: bool,
+    asks_ray: bool,
+    /// The layers that it reads.
+    attributes: Vec<u32>,
 }
 
 /// Programs that need no more registers than this find them on the stack, cleared at once.
@@ -112,6 +116,16 @@ impl Program {
     /// Whether what it does depends on the things around.
     pub fn asks_around(&self) -> bool {
         self.asks_around
+    }
+
+    /// Whether what it does may differ between two points of a body that has some layers.
+    pub fn differs_in(&self, has_layer: impl Fn(u32) -> bool) -> bool {
+        self.asks_place || self.attributes.iter().any(|&key| has_layer(key))
+    }
+
+    /// Whether what it does depends on the ray that arrives.
+    pub fn asks_ray(&self) -> bool {
+        self.asks_ray
     }
 
     /// Runs it at a point and hands over the closures in their order.
@@ -394,6 +408,11 @@ impl Draft {
                 program.filter_width = self.filter_width_of(instruction);
             }
             program.asks_around |= AROUND.contains(&instruction.operation.name);
+            program.asks_place |= instruction.operation.asks_place();
+            if instruction.operation.asks_layer() {
+                program.attributes.push(instruction.parameter);
+            }
+            program.asks_ray |= instruction.operation.name == "light_path";
             program.steps.push(Step {
                 act: self.act_of(instruction),
                 first_operand,

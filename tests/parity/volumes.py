@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import importlib
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 
 from .rows import table
-from .stage import Stage, add_node, give, node_tree, output, set_known
+from .stage import Stage, add_node, find_socket, give, node_tree, output, set_known
 
 GREEN = (0.3, 0.8, 0.4, 1.0)
 
@@ -57,6 +61,143 @@ def both(stage: Stage) -> None:
     fog(stage, "ShaderNodeVolumeScatter", Density=0.02)
 
 
+def texture(
+    tree: Any, kind: str, output: str, space: str, low: float, high: float, **values: Any
+) -> Any:
+    """A texture in these coordinates, stretched from 0 and 1 to these values; its socket."""
+    place = add_node(tree, "ShaderNodeTexCoord").outputs[space]
+    found = add_node(tree, kind, Vector=place, **values).outputs[output]
+    stretched = add_node(tree, "ShaderNodeMapRange", Value=found)
+    for name, value in (("To Min", low), ("To Max", high)):
+        find_socket(stretched, name).default_value = value
+    return stretched.outputs[0]
+
+
+def textured(
+    stage: Stage, kind: str, socket: str, pattern: dict[str, Any], bounces: int = 0, **values: Any
+) -> None:
+    """A volume in ball and cube with one input that differs from place to place."""
+    body(stage, kind, bounces, **values)
+    tree: Any = stage.ball.active_material.node_tree
+    volume = output(tree).inputs["Volume"].links[0].from_node
+    tree.links.new(texture(tree, **pattern), find_socket(volume, socket))
+
+
+def textured_fog(
+    stage: Stage, kind: str, socket: str, pattern: dict[str, Any], **values: Any
+) -> None:
+    """The same in the world."""
+    fog(stage, kind, **values)
+    tree: Any = stage.scene.world.node_tree
+    volume = output(tree).inputs["Volume"].links[0].from_node
+    tree.links.new(texture(tree, **pattern), find_socket(volume, socket))
+
+
+def flame(stage: Stage) -> None:
+    """A Principled Volume that glows by its temperature."""
+    volume = "ShaderNodeVolumePrincipled"
+    pattern = {
+        "kind": "ShaderNodeTexGradient",
+        "output": "Fac",
+        "space": "Generated",
+        "low": 600.0,
+        "high": 2400.0,
+    }
+    textured(stage, volume, "Temperature", pattern, **{"Density": 0.5, "Blackbody Intensity": 1.0})
+
+
+def openvdb() -> Any:
+    """Blender's module for OpenVDB."""
+    bpy.utils.expose_bundled_modules()
+    return importlib.import_module("openvdb")
+
+
+def cloud_file() -> str:
+    """Write an OpenVDB file with a ball of smoke, hot inside, two metres wide."""
+    vdb, points = openvdb(), np.linspace(-1.0, 1.0, 25)
+    x, y, z = np.meshgrid(points, points, points, indexing="ij")
+    depth = np.clip(1.0 - np.sqrt(x**2 + y**2 + z**2), 0.0, 1.0)
+    density, heat = depth * (1.5 + np.sin(6.0 * x)), 2.0 * depth
+    color = np.stack([0.5 + 0.5 * z, 0.5 + 0.0 * z, 0.5 - 0.5 * z], axis=-1)
+    grids = []
+    for kind, name, values in (
+        (vdb.FloatGrid, "density", density),
+        (vdb.FloatGrid, "temperature", heat),
+        (vdb.Vec3SGrid, "color", color),
+    ):
+        grid = kind()
+        grid.copyFromArray(np.ascontiguousarray(values, np.float32))
+        grid.name = name
+        grid.transform = vdb.createLinearTransform(voxelSize=1.0 / 12.0)
+        grid.transform.postTranslate((-1.0, -1.0, -1.0))
+        grids.append(grid)
+    path = str(Path(tempfile.mkdtemp()) / "cloud.vdb")
+    vdb.write(path, grids=grids)
+    return path
+
+
+def volume_object(stage: Stage, shade: str, space: str = "WORLD", scale: float = 1.0) -> None:
+    """An OpenVDB file in the place of the ball."""
+    data: Any = bpy.data.volumes.new("Cloud")
+    data.filepath = cloud_file()
+    data.render.space, data.render.precision, data.render.clipping = space, "FULL", 0.0
+    cloud = bpy.data.objects.new("Cloud", data)
+    stage.scene.collection.objects.link(cloud)
+    cloud.location, cloud.scale = stage.ball.location, (scale, scale, scale)
+    bpy.data.objects.remove(stage.ball)
+    if shade == "default":
+        return
+    tree = node_tree(bpy.data.materials.new("Row"))
+    values: dict[str, Any] = {"Density": 4.0}
+    if shade == "fire":
+        values |= {"Color Attribute": "color", "Blackbody Intensity": 1.0, "Temperature": 1000.0}
+    volume = add_node(tree, "ShaderNodeVolumePrincipled", **values)
+    if shade == "attribute":
+        info = add_node(tree, "ShaderNodeVolumeInfo")
+        color = add_node(tree, "ShaderNodeAttribute", attribute_name="color")
+        volume = add_node(
+            tree,
+            "ShaderNodeVolumeScatter",
+            Density=info.outputs["Density"],
+            Color=color.outputs["Color"],
+        )
+    tree.links.new(volume.outputs[0], output(tree).inputs["Volume"])
+    give(cloud, next(m for m in bpy.data.materials if m.node_tree == tree))
+
+
+def mesh_to_volume(stage: Stage) -> None:
+    """The cube as a volume that a modifier makes."""
+    data = bpy.data.volumes.new("Cloud")
+    cloud = bpy.data.objects.new("Cloud", data)
+    stage.scene.collection.objects.link(cloud)
+    modifier: Any = cloud.modifiers.new("Fill", "MESH_TO_VOLUME")
+    modifier.object, modifier.density = stage.cube, 1.5
+    stage.cube.hide_render = True
+
+
+GRADIENT = {
+    "kind": "ShaderNodeTexGradient",
+    "output": "Fac",
+    "space": "Object",
+    "low": 0.2,
+    "high": 3.0,
+}
+NOISE = {
+    "kind": "ShaderNodeTexNoise",
+    "output": "Fac",
+    "space": "Object",
+    "low": -3.0,
+    "high": 5.0,
+    "Scale": 2.0,
+}
+HEIGHT = {
+    "kind": "ShaderNodeTexGradient",
+    "output": "Fac",
+    "space": "Generated",
+    "low": 0.05,
+    "high": 0.0,
+}
+
 ROWS = table(
     "volume",
     ("Absorption", body, {"kind": "ShaderNodeVolumeAbsorption", "Color": GREEN, "Density": 1.0}),
@@ -69,5 +210,17 @@ ROWS = table(
     ("Scatter and Absorption in fog", both),
     ("world, Scatter", fog, {"kind": "ShaderNodeVolumeScatter", "Density": 0.03}),
     ("world, Absorption", fog, {"kind": "ShaderNodeVolumeAbsorption", "Color": GREEN, "Density": 0.1}),
+    ("Scatter, density by a gradient", textured, {"kind": "ShaderNodeVolumeScatter", "socket": "Density", "pattern": GRADIENT}),
+    ("Absorption, density by noise", textured, {"kind": "ShaderNodeVolumeAbsorption", "socket": "Density", "pattern": NOISE, "Color": GREEN}),
+    ("Principled, density by noise, 4 bounces", textured, {"kind": "ShaderNodeVolumePrincipled", "socket": "Density", "pattern": NOISE, "bounces": 4, "Color": GREEN}),
+    ("Emission by a gradient", textured, {"kind": "ShaderNodeEmission", "socket": "Strength", "pattern": GRADIENT | {"space": "Generated", "low": 0.0, "high": 1.0}, "Color": GREEN}),
+    ("Principled, blackbody by a gradient", flame),
+    ("OpenVDB, default material", volume_object, {"shade": "default"}),
+    ("OpenVDB, blackbody", volume_object, {"shade": "fire"}),
+    ("OpenVDB, Volume Info and Attribute", volume_object, {"shade": "attribute"}),
+    ("OpenVDB, scaled, object space", volume_object, {"shade": "principled", "space": "OBJECT", "scale": 0.5}),
+    ("Mesh to Volume", mesh_to_volume),
+    ("world, Scatter by noise", textured_fog, {"kind": "ShaderNodeVolumeScatter", "socket": "Density", "pattern": NOISE | {"space": "Generated", "low": -0.1, "high": 0.2, "Scale": 0.5}}),
+    ("world, Absorption by height", textured_fog, {"kind": "ShaderNodeVolumeAbsorption", "socket": "Density", "pattern": HEIGHT, "Color": GREEN}),
     ("world, Principled, 2 bounces", fog, {"kind": "ShaderNodeVolumePrincipled", "Density": 0.05, "Anisotropy": 0.3, "bounces": 2}),
 )  # fmt: skip

@@ -55,9 +55,28 @@ class RecordedMesh:
     layer_values: np.ndarray
     material_slots: np.ndarray
     motion_vertices: np.ndarray | None = None
+    grids: dict[int, RecordedGrid] = field(default_factory=dict)
+    texture_space: np.ndarray | None = None
+    is_scaled: bool = False
 
     def moving(self, motion_vertices: np.ndarray) -> RecordedMesh:
         return replace(self, motion_vertices=motion_vertices)
+
+    def filled(
+        self,
+        grids: Sequence[tuple[int, RecordedGrid]],
+        texture_space: np.ndarray,
+        is_scaled: bool,
+    ) -> RecordedMesh:
+        return replace(self, grids=dict(grids), texture_space=texture_space, is_scaled=is_scaled)
+
+
+@dataclass
+class RecordedGrid:
+    """What `dualcone.Grid` was given."""
+
+    voxels: np.ndarray
+    index_from_object: np.ndarray
 
 
 @dataclass
@@ -93,6 +112,7 @@ class RecordingCore:
 
     built: list[RecordedMesh] = field(default_factory=list)
     Image: type = RecordedImage
+    Grid: type = RecordedGrid
     operations: Callable[[], Any] = dualcone.operations
 
     def Mesh(self, **arrays: np.ndarray) -> RecordedMesh:  # noqa: N802, the module's name for it

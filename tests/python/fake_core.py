@@ -40,6 +40,22 @@ class Mesh:
     def moving(self, motion_vertices: np.ndarray) -> Mesh:
         return Mesh(**self.arrays, motion_vertices=motion_vertices)
 
+    def filled(
+        self, grids: list[tuple[int, Grid]], texture_space: np.ndarray, is_scaled: bool
+    ) -> Mesh:
+        voxels = {f"grid_{key}": grid.arrays["voxels"] for key, grid in grids}
+        return Mesh(**self.arrays, **voxels, texture_space=texture_space)
+
+
+@dataclass(init=False)
+class Grid:
+    """Holds arrays."""
+
+    arrays: dict[str, np.ndarray]
+
+    def __init__(self, **arrays: np.ndarray) -> None:
+        self.arrays = arrays
+
 
 @dataclass(init=False)
 class Image:

@@ -600,17 +600,6 @@ def test_nothing_to_see_is_allowed() -> None:
     assert frame.arrays["world_radiance"].tolist() == [0.0, 0.0, 0.0]
 
 
-@pytest.mark.parametrize(
-    ("add", "words"),
-    [
-        (lambda: bpy.data.volumes.new("Fur"), "volumes are not rendered yet"),
-    ],
-)
-def test_what_cannot_become_a_mesh_is_named(add: Any, words: str) -> None:
-    add_object("Fur", add())
-    assert export_now().warnings == [f"'Fur': {words}"]
-
-
 def test_shadow_catchers_are_handed_over() -> None:
     add_mesh("Thing")
     add_mesh("Ghost").is_shadow_catcher = True

@@ -545,19 +545,35 @@ def test_a_bare_volume_lets_light_pass() -> None:
     [
         ("ShaderNodeTexWave", "Fac"),
         ("ShaderNodeLayerWeight", "Facing"),
-        ("ShaderNodeFresnel", "Factor" if bpy.app.version >= (5, 0, 0) else "Fac"),
+        ("ShaderNodeVolumeInfo", "Density"),
+        ("ShaderNodeAttribute", "Fac"),
     ],
 )
-def test_what_differs_from_place_to_place_in_volumes_is_named(kind: str, output: str) -> None:
+def test_volumes_have_textures_and_ask_meshes_for_no_layers(kind: str, output: str) -> None:
     def build(tree: Any) -> None:
         factor = node(tree, kind).outputs[output]
         with_volume(tree, node(tree, "ShaderNodeVolumeScatter", Density=factor))
 
     _, warnings = closures_of(build)
-    assert warnings == [
-        "'Wood': a texture in Density of Volume Scatter is not rendered yet "
-        "(its default value is used)"
-    ]
+    assert warnings == []
+
+
+def test_a_volume_without_grids_is_what_its_numbers_say() -> None:
+    """Principled Volume names a grid of density: the product of the numbers is taken before."""
+
+    def build(tree: Any) -> None:
+        values = {"Density": 3.0, "Color": (0.1, 0.2, 0.3, 1.0)}
+        volume = node(tree, "ShaderNodeVolumePrincipled")
+        for name, value in values.items():
+            volume.inputs[name].default_value = value
+        with_volume(tree, volume)
+
+    owner = add_mesh()
+    owner.data.materials.append(add_material("Smoke", build))
+    frame = export_now()
+    first = frame.arrays["program_constants"][0]
+    assert first == pytest.approx([0.3, 0.6, 0.9])
+    assert frame.meshes[0].grids == {}
 
 
 def test_a_value_in_a_volume_may_go_many_ways() -> None:

@@ -4,7 +4,7 @@ from .closures import compile_surface
 from .compiler import Compiler
 from .layers import ACTIVE_UV, layer_key
 from .program import Operations, Program, Programs
-from .volumes import compile_volume
+from .volumes import compile_volume, default_volume
 
 __all__ = [
     "ACTIVE_UV",
@@ -14,5 +14,6 @@ __all__ = [
     "Programs",
     "compile_surface",
     "compile_volume",
+    "default_volume",
     "layer_key",
 ]

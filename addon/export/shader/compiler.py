@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ..nodes import LUMINANCE, Color, Constant, Source
-from .layers import ACTIVE_UV, GENERATED, layer_key
+from .layers import ACTIVE_UV, GENERATED, VOLUME_GENERATED, layer_key
 from .program import Instruction, Operand, Operations, Program, Value
 
 if TYPE_CHECKING:
@@ -50,6 +50,8 @@ class Compiler:
         self.filter_width: Color | None = None
         # Where the nodes at hand are evaluated: at the point itself, or at a neighbour for bumps.
         self._point = 0
+        # Whether they are those of a volume, which has grids and no surface.
+        self.is_inside = False
         self._values: dict[tuple, Operand] = {}
         self._under_way: set[tuple] = set()
 
@@ -107,7 +109,7 @@ class Compiler:
         compile_node = NODES.get(source.node.bl_idname)
         if compile_node is None:
             return None
-        key = (*source.key(), self._point)
+        key = (*source.key(), self._point, self.is_inside)
         if key in self._under_way:
             self.missing(f"a circle of links through {source.label}", "zero is used")
             return ZERO
@@ -118,8 +120,12 @@ class Compiler:
         return self._values[key]
 
     def layer(self, name: str, operation: str = "attribute") -> Value:
-        """The value of a layer of the mesh."""
-        self.program.layers.add(name)
+        """The value of a layer of the mesh; in a volume that of a grid."""
+        if self.is_inside:
+            name = name.replace("color:", "attribute:", 1)
+            self.program.grids.add(name)
+        else:
+            self.program.layers.add(name)
         return self.emit(operation, parameter=layer_key(name))
 
     def uv(self, name: str = "") -> Value:
@@ -132,7 +138,17 @@ class Compiler:
             return self.emit(
                 "coordinate", parameter=self.operations["coordinate"].parameter(("Object",)) or 0
             )
-        return self.layer(GENERATED)
+        return self.layer(VOLUME_GENERATED if self.is_inside else GENERATED)
+
+    @contextmanager
+    def inside(self) -> Iterator[None]:
+        """Evaluate nodes at points of a volume: each faces the ray."""
+        before, self.is_inside, normal = self.is_inside, True, self.normal
+        self.normal = ZERO
+        try:
+            yield
+        finally:
+            self.is_inside, self.normal = before, normal
 
     @contextmanager
     def at(self, point: int) -> Iterator[None]:

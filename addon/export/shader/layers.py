@@ -1,7 +1,8 @@
 """Names of the values that a mesh keeps at its corners, as nodes ask for them.
 
 A layer's name tells what it is: `uv:NAME`, `attribute:NAME`, `tangent:NAME` (along a UV map),
-`color:NAME`, `generated` or `flat`. An empty NAME is the one that the mesh marks for rendering.
+`color:NAME`, `generated` or `flat`; volumes keep `attribute:NAME` in grids. An empty NAME is the
+one that the mesh marks for rendering.
 """
 
 from __future__ import annotations
@@ -12,12 +13,16 @@ ACTIVE_UV = "uv:"
 GENERATED = "generated"
 # One on the faces that are not smooth; a mesh that has it can be displaced.
 FLAT = "flat"
+# The coordinate within a volume, which follows from the place.
+VOLUME_GENERATED = "volume:generated"
+# Those that the renderer knows, by their numbers.
+KNOWN = (ACTIVE_UV, FLAT, "undisplaced", VOLUME_GENERATED)
 
 
 def layer_key(layer: str) -> int:
     """Number by which programs and meshes name a layer; first those that the renderer knows."""
-    if layer in (ACTIVE_UV, FLAT):
-        return (ACTIVE_UV, FLAT).index(layer)
+    if layer in KNOWN:
+        return KNOWN.index(layer)
     return int.from_bytes(hashlib.blake2b(layer.encode(), digest_size=4).digest(), "little")
 
 

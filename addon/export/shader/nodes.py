@@ -185,6 +185,13 @@ def attribute(compiler: Compiler, source: Source) -> Operand:
     return _layer(compiler, source, f"attribute:{node.attribute_name}")
 
 
+def volume_info(compiler: Compiler, source: Source) -> Operand:
+    """The Volume Info node; surfaces have nothing to tell."""
+    if not compiler.is_inside:
+        return ZERO
+    return compiler.layer(f"attribute:{source.output.identifier.lower()}")
+
+
 def color_attribute(compiler: Compiler, source: Source) -> Operand:
     """The Color Attribute node."""
     return _layer(compiler, source, f"color:{source.node.layer_name}")
@@ -409,6 +416,7 @@ NODES: dict[str, Callable[[Compiler, Source], Operand]] = {
         "vector_transform", ("vector_type", "convert_from", "convert_to")
     ),
     "ShaderNodeVertexColor": color_attribute,
+    "ShaderNodeVolumeInfo": volume_info,
     "ShaderNodeWavelength": Rule("wavelength"),
     "ShaderNodeWireframe": wireframe,
 }

@@ -99,6 +99,8 @@ class Program:
     images: list[ImageUse | np.ndarray] = field(default_factory=list)
     # What the program reads from meshes, by the names in `layers.py`.
     layers: set[str] = field(default_factory=set)
+    # The same of what its volume reads from grids.
+    grids: set[str] = field(default_factory=set)
     warnings: Warnings = field(default_factory=Warnings)
 
     @property

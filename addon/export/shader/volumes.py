@@ -1,36 +1,37 @@
-"""Volumes as even media: one small function per volume node, in a table."""
+"""Volumes as media: one small function per volume node, in a table."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
-from ..nodes import Source
+from ..nodes import Color, Constant, Source
 from .compiler import ONE, ZERO, Compiler
 from .program import Operand, Value
 
 Volume = Callable[[Compiler, Source, Operand], None]
 
-# Operations that read where they are; what they compute is not the same all over a body.
-UNEVEN = (
-    "ambient_occlusion",
-    "attribute",
-    "camera_data",
-    "coordinate",
-    "fresnel",
-    "geometry",
-    "ies",
-    "image",
-    "layer_weight",
-    "light",
-    "object_info",
-    "uv_tangent",
-    "vector_transform",
-    "wireframe",
-)
+# Stefan and Boltzmann's constant over pi, in the units of Cycles' blackbodies.
+BLACKBODY_SCALE = 5.670373e-8 * 1e-6 / math.pi
+# What Blender gives a volume without a material: half of the light that it takes it scatters.
+DEFAULT_COLOR: Color = (0.5, 0.5, 0.5)
 
 
-def compile_volume(compiler: Compiler, shader: Source, weight: Operand = ONE) -> None:
+def compile_volume(compiler: Compiler, shader: Source) -> None:
     """Write the media of the shader linked to an output's Volume."""
+    with compiler.inside():
+        _volume(compiler, shader, ONE)
+
+
+def default_volume(compiler: Compiler) -> None:
+    """Write what fills a volume object without a material."""
+    with compiler.inside():
+        density = compiler.layer("attribute:density", "attribute_or_one")
+        color = compiler.times(DEFAULT_COLOR, density)
+        compiler.emit("volume", ONE, color, color, ZERO, ZERO)
+
+
+def _volume(compiler: Compiler, shader: Source, weight: Operand) -> None:
     compile_shader = VOLUMES.get(shader.node.bl_idname)
     if compile_shader is None:
         compiler.missing(f"{shader.label} as a volume")
@@ -40,16 +41,16 @@ def compile_volume(compiler: Compiler, shader: Source, weight: Operand = ONE) ->
 
 def absorption(compiler: Compiler, source: Source, weight: Operand) -> None:
     """Volume Absorption."""
-    color = _saturated_rest(compiler, _even(compiler, source, "Color"))
-    density = _even(compiler, source, "Density")
+    color = _saturated_rest(compiler, compiler.input(source, "Color"))
+    density = compiler.input(source, "Density")
     compiler.emit("volume", weight, ZERO, compiler.times(color, density), ZERO, ZERO)
 
 
 def scatter(compiler: Compiler, source: Source, weight: Operand) -> None:
     """Volume Scatter."""
     _warn_of_phase(compiler, source)
-    color = compiler.times(_even(compiler, source, "Color"), _even(compiler, source, "Density"))
-    compiler.emit("volume", weight, color, ZERO, ZERO, _even(compiler, source, "Anisotropy"))
+    color = compiler.times(compiler.input(source, "Color"), compiler.input(source, "Density"))
+    compiler.emit("volume", weight, color, ZERO, ZERO, compiler.input(source, "Anisotropy"))
 
 
 def coefficients(compiler: Compiler, source: Source, weight: Operand) -> None:
@@ -61,37 +62,75 @@ def coefficients(compiler: Compiler, source: Source, weight: Operand) -> None:
         "Emission Coefficients",
         "Anisotropy",
     )
-    compiler.emit("volume", weight, *(_even(compiler, source, name) for name in names))
+    compiler.emit("volume", weight, *(compiler.input(source, name) for name in names))
 
 
 def principled(compiler: Compiler, source: Source, weight: Operand) -> None:
-    """Principled Volume, without the grids of a volume object."""
-    compiler.missing_unless(source, "Blackbody Intensity", 0.0, "Blackbody of Principled Volume")
-    color, density = _even(compiler, source, "Color"), _even(compiler, source, "Density")
-    root = _root(compiler, _even(compiler, source, "Absorption Color"))
+    """Principled Volume; what its grids say counts where the body has them."""
+    color, density = compiler.input(source, "Color"), compiler.input(source, "Density")
+    color = compiler.times(color, _grid(compiler, source, "Color Attribute"))
+    root = _root(compiler, compiler.input(source, "Absorption Color"))
     kept = compiler.times(_saturated_rest(compiler, color), _saturated_rest(compiler, root))
-    emission = compiler.times(
-        _even(compiler, source, "Emission Color"), _even(compiler, source, "Emission Strength")
-    )
+    # Last, so that what does not depend on the body is computed here.
+    grid = _grid(compiler, source, "Density Attribute")
     compiler.emit(
         "volume",
         weight,
-        compiler.times(color, density),
-        compiler.times(kept, density),
-        emission,
-        _even(compiler, source, "Anisotropy"),
+        compiler.times(compiler.times(color, density), grid),
+        compiler.times(compiler.times(kept, density), grid),
+        _principled_glow(compiler, source),
+        compiler.input(source, "Anisotropy"),
     )
+
+
+def _principled_glow(compiler: Compiler, source: Source) -> Operand:
+    """Light of a Principled Volume: of its own colour, and of its heat."""
+    glow = compiler.times(
+        compiler.input(source, "Emission Color"), compiler.input(source, "Emission Strength")
+    )
+    intensity = compiler.input(source, "Blackbody Intensity")
+    if intensity == ZERO:
+        return glow
+    grid = _grid(compiler, source, "Temperature Attribute")
+    kelvin = _math(
+        compiler, "MAXIMUM", compiler.times(compiler.input(source, "Temperature"), grid), ZERO
+    )
+    power = _math(compiler, "POWER", kelvin, (4.0, 4.0, 4.0))
+    # Between one and the fourth power, by the intensity.
+    mixed = compiler.emit_with_modes(source, "mix", (intensity, ONE, power), ("False",))
+    tint = compiler.times(compiler.input(source, "Blackbody Tint"), (BLACKBODY_SCALE,) * 3)
+    color = compiler.times(compiler.emit("blackbody", kelvin), mixed)
+    return _sum(compiler, glow, compiler.times(color, tint))
+
+
+def _grid(compiler: Compiler, source: Source, identifier: str) -> Operand:
+    """The grid that an input names, one without it."""
+    socket = source.input(identifier)
+    end = socket and socket.follow()
+    name = end.socket.default_value if isinstance(end, Constant) else ""
+    return compiler.layer(f"attribute:{name}", "attribute_or_one") if name else ONE
+
+
+def _math(compiler: Compiler, what: str, first: Operand, second: Operand) -> Operand:
+    parameter = compiler.operations["math"].parameter((what, "False")) or 0
+    return compiler.emit("math", first, second, ZERO, parameter=parameter)
+
+
+def _sum(compiler: Compiler, first: Operand, second: Operand) -> Operand:
+    if first == ZERO:
+        return second
+    return first if second == ZERO else compiler.emit("add", first, second)
 
 
 def emission(compiler: Compiler, source: Source, weight: Operand) -> None:
     """Emission, by the metre."""
-    light = compiler.times(_even(compiler, source, "Color"), _even(compiler, source, "Strength"))
+    light = compiler.times(compiler.input(source, "Color"), compiler.input(source, "Strength"))
     compiler.emit("volume", weight, ZERO, ZERO, light, ZERO)
 
 
 def mix(compiler: Compiler, source: Source, weight: Operand) -> None:
     """Mix Shader."""
-    factor = compiler.saturated(_even(compiler, source, "Fac"))
+    factor = compiler.saturated(compiler.input(source, "Fac"))
     _linked(compiler, source, "Shader", compiler.times(weight, compiler.rest(factor)))
     _linked(compiler, source, "Shader_001", compiler.times(weight, factor))
 
@@ -106,36 +145,13 @@ def _linked(compiler: Compiler, source: Source, identifier: str, weight: Operand
     socket = source.input(identifier)
     end = socket and socket.follow()
     if isinstance(end, Source) and weight != ZERO:
-        compile_volume(compiler, end, weight)
+        _volume(compiler, end, weight)
 
 
 def _warn_of_phase(compiler: Compiler, source: Source) -> None:
     phase = getattr(source.node, "phase", "HENYEY_GREENSTEIN")
     if phase != "HENYEY_GREENSTEIN":
         compiler.missing(f"{phase.title()} scattering", "Henyey-Greenstein is used")
-
-
-def _even(compiler: Compiler, source: Source, identifier: str) -> Operand:
-    """The value of an input; its default, with a warning, where it differs from place to place."""
-    value = compiler.input(source, identifier)
-    if not _is_uneven(compiler, value):
-        return value
-    compiler.missing(f"a texture in {identifier} of {source.label}", "its default value is used")
-    return compiler.default(source, identifier)
-
-
-def _is_uneven(compiler: Compiler, value: Operand) -> bool:
-    """Tell whether any instruction that the value is computed from reads where it is."""
-    program = compiler.program
-    reached = {value}
-    # Instructions only read earlier ones: backwards each is met once, however many read it.
-    for index in range(value.index if isinstance(value, Value) else -1, -1, -1):
-        if Value(index) in reached:
-            instruction = program.instructions[program.start + index]
-            if instruction.operation.name.startswith(UNEVEN):
-                return True
-            reached.update(instruction.operands)
-    return False
 
 
 def _saturated_rest(compiler: Compiler, color: Operand) -> Operand:

@@ -423,11 +423,11 @@ impl Bsdf {
         self.add(view, Model::Toon(toon), [weight, Vec3A::ZERO]);
     }
 
-    /// Adds a medium that scatters this share to all sides.
+    /// Adds a medium that scatters this share to all sides. Estimates may be negative.
     pub fn add_phase(&mut self, weight: Vec3A, anisotropy: f32) {
         let view = self.view(self.geometric_normal, None);
         let phase = Phase { weight, anisotropy };
-        let halves = 0.5 * weight;
+        let halves = 0.5 * weight.abs();
         self.add(view, Model::Phase(phase), [halves, halves]);
     }
 

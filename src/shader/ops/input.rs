@@ -13,6 +13,11 @@ pub fn attribute(a: &Args) -> Vec3A {
     Vec3A::from_vec4(layer(a))
 }
 
+/// One where there is no such layer.
+pub fn attribute_or_one(a: &Args) -> Vec3A {
+    Vec3A::from_vec4(a.point.attribute(a.parameter).unwrap_or(Vec4::ONE))
+}
+
 pub fn attribute_alpha(a: &Args) -> Vec3A {
     Vec3A::splat(layer(a).w)
 }
