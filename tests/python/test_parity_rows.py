@@ -41,6 +41,8 @@ NAMES = (
     "geometry: point cloud",
     "motion blur: armature",
     "motion blur: shutter 1.5, at end",
+    "volume: Scatter, density by a gradient",
+    "volume: OpenVDB, blackbody",
 )
 CHOSEN = [row for row in ROWS if f"{row.group}: {row.name}" in NAMES]
 
