@@ -78,15 +78,16 @@ fn depth(extinction: Vec3A, length: f32) -> Vec3A {
     extinction.map(|e| if e > 0.0 { e * length } else { 0.0 })
 }
 
-/// Light that a metre after the other gives off, less what is lost before it leaves.
-fn glow_of(medium: &Medium, length: f32) -> Vec3A {
+/// Light that a part of a ray gives off, less what is lost on its way out of there, and of which this
+/// share arrives.
+fn glow_of(share: Vec3A, medium: &Medium, length: f32) -> Vec3A {
     let extinction = medium.extinction();
     let seen = Vec3A::select(
         extinction.cmpgt(Vec3A::splat(1e-9)),
         (1.0 - (-depth(extinction, length)).exp()) / extinction,
         Vec3A::splat(length),
     );
-    medium.emission * seen
+    share * medium.emission * seen
 }
 
 impl Media {
@@ -267,7 +268,7 @@ impl Flight {
         let spans = self.spans.iter().take_while(|span| span.start < t);
         let light = spans.map(|span| {
             let length = span.end.min(t) - span.start;
-            self.transmittance(span.start) * glow_of(&span.medium, length)
+            glow_of(self.transmittance(span.start), &span.medium, length)
         });
         // Without emission an endless way through nothing is no number.
         light.filter(|light| light.is_finite()).sum()

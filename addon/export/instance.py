@@ -33,6 +33,7 @@ from .strands import (
 from .transform import is_singular, is_without_area
 from .visibility import CAMERA, bits
 from .volume import (
+    UNBLURRED,
     filled,
     grid_box,
     grid_names,
@@ -385,7 +386,7 @@ class InstanceTable:
         if entry is not None and (entry.mesh is None or entry.mesh.layers == wanted):
             mesh = entry.mesh
         else:
-            grids = read_volume(owner, wanted, self.warnings)
+            grids = read_volume(owner, wanted, self.warnings, self.is_blurred)
             is_scaled = owner.data.render.space == "OBJECT"
             mesh = grid_box(grids, wanted, is_scaled, self.cache, self.core)
             self.cache.remember(owner, mesh)
@@ -395,6 +396,8 @@ class InstanceTable:
         rows = self._material_rows(owner)
         wanted = grid_names(self.materials.grids[row] for row in rows)
         grids = read_smoke(owner, wanted, self.depsgraph.scene.frame_current)
+        if grids and self.is_blurred:
+            self.warnings.add(owner.name, UNBLURRED)
         mesh = grid_box(grids, wanted, False, self.cache, self.core)
         return [self._shape(owner, mesh, rows)] if mesh else []
 

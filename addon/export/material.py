@@ -195,8 +195,16 @@ def _compile_tree(compiler: Compiler, material: bpy.types.Material) -> None:
     compile_surface(compiler, shader)
     if volume := ends["Volume"]:
         compile_volume(compiler, volume)
+        _warn_of_interpolation(compiler, material)
         if shader is None:
             compiler.emit("transparent", ONE, ONE)  # nothing but the volume is seen
+
+
+def _warn_of_interpolation(compiler: Compiler, material: bpy.types.Material) -> None:
+    """Cycles can blend voxels smoothly."""
+    cycles = getattr(material, "cycles", None)
+    if compiler.program.grids and getattr(cycles, "volume_interpolation", "LINEAR") == "CUBIC":
+        compiler.missing("Cubic interpolation of volumes", "Linear is used")
 
 
 def _linked(output: bpy.types.Node | None, identifier: str) -> Source | None:

@@ -21,6 +21,8 @@ from .strands import Surface
 
 # Numbers of one grid above which it is left out: a gigabyte.
 NUMBERS_MAX = 2**28
+# What motion blur leaves out.
+UNBLURRED = "its voxels are not blurred by their velocity"
 # Blender's modules for OpenVDB: until 4.3, and after.
 MODULES = ("openvdb", "pyopenvdb")
 
@@ -168,7 +170,7 @@ def openvdb() -> Any:
 
 
 def read_volume(
-    owner: bpy.types.Object, wanted: frozenset[str], warnings: Warnings
+    owner: bpy.types.Object, wanted: frozenset[str], warnings: Warnings, is_blurred: bool = False
 ) -> list[Voxels]:
     """The grids of an evaluated volume object that materials read."""
     data = owner.data
@@ -176,6 +178,8 @@ def read_volume(
         warnings.add(owner.name, f"its OpenVDB file cannot be read ({data.grids.error_message})")
         return []
     names = [grid.name for grid in data.grids if f"attribute:{grid.name}" in wanted]
+    if is_blurred and any(grid.name == data.velocity_grid for grid in data.grids):
+        warnings.add(owner.name, UNBLURRED)
     if not names:
         return []
     reader = openvdb()

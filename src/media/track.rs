@@ -194,7 +194,7 @@ impl Flight {
     ) -> Option<Collision> {
         let (extinction, length) = (span.medium.extinction(), span.end.min(end) - span.start);
         self.mark(span.start, *carried, extinction);
-        let glow = carried.share * glow_of(&span.medium, length);
+        let glow = glow_of(carried.share, &span.medium, length);
         // Without emission an endless way through nothing is no number.
         if glow.is_finite() {
             self.glow += glow;

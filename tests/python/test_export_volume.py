@@ -129,6 +129,21 @@ def test_a_grid_that_is_too_large_is_named(
     ]
 
 
+def test_cubic_interpolation_is_named(openvdb: Any, tmp_path: Path) -> None:
+    cloud = add_cloud(openvdb, tmp_path, density=values())
+
+    def build(tree: Any) -> None:
+        volume = tree.nodes.new("ShaderNodeVolumePrincipled")
+        tree.links.new(volume.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+
+    material = add_material("Smoke", build)
+    material.cycles.volume_interpolation = "CUBIC"
+    cloud.data.materials.append(material)
+    assert export_now().warnings == [
+        "'Smoke': Cubic interpolation of volumes is not rendered yet (Linear is used)"
+    ]
+
+
 def test_an_empty_volume_is_nothing_and_a_missing_file_is_named() -> None:
     cloud = add_object("Cloud", bpy.data.volumes.new("Cloud"))
     frame = export_now()
