@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from . import core
+from .export.linking import GROUPS_MAX, light_groups
 from .export.matte import murmur3
 from .export.shader.layers import output_key
 
@@ -153,7 +154,7 @@ def is_enabled(view_layer: bpy.types.ViewLayer, source: str) -> bool:
 
 def missing(view_layer: bpy.types.ViewLayer) -> Iterator[str]:
     """Name the passes that a view layer asks for and that are not rendered yet."""
-    yield from (f"Combined_{group.name}" for group in view_layer.lightgroups)
+    yield from (f"Combined_{group.name}" for group in list(view_layer.lightgroups)[GROUPS_MAX:])
 
 
 def problems(view_layer: bpy.types.ViewLayer, method: str) -> Iterator[str]:
@@ -191,12 +192,19 @@ def _outputs(view_layer: Any, source: str) -> Iterator[tuple[str, str]]:
             yield str(output_key(output.name)), output.name
 
 
+def _groups(view_layer: Any, _: str) -> Iterator[tuple[str, str]]:
+    """The light groups, called as Cycles calls them."""
+    for name, number in light_groups(view_layer).items():
+        yield str(number), f"Combined_{name}"
+
+
 # Rows of the contract of which a view layer may ask for several passes: their keys, and how Blender
 # calls them.
 KEYS = {
     **dict.fromkeys(CRYPTOMATTE, _levels),
     "AOV Color": _outputs,
     "AOV Value": _outputs,
+    "Light Group": _groups,
 }
 
 

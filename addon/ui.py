@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, ClassVar
 
 import bpy
 from bl_operators.presets import AddPresetBase
@@ -400,6 +400,56 @@ class DUALCONE_PT_passes_aov(PassesPanel, bpy.types.Panel):
             layout.label(text="Conflicts with another pass of this name", icon="ERROR")
 
 
+class DUALCONE_PT_passes_lightgroups(PassesPanel, bpy.types.Panel):
+    """Passes of light groups."""
+
+    bl_label = "Light Groups"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw Blender's own list."""
+        row = labelled_rows(self).row()
+        layer: Any = context.view_layer
+        names = ("lightgroups", layer, "active_lightgroup_index")
+        row.column().template_list("UI_UL_list", "lightgroups", layer, *names, rows=3)
+        buttons = row.column(align=True)
+        buttons.operator("scene.view_layer_add_lightgroup", icon="ADD", text="")
+        buttons.operator("scene.view_layer_remove_lightgroup", icon="REMOVE", text="")
+        buttons.menu("VIEWLAYER_MT_lightgroup_sync", icon="DOWNARROW_HLT", text="")
+
+
+class LightGroupPanel:
+    """The light group of what gives off light."""
+
+    bl_label = "Light Group"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_options: ClassVar[set[str]] = {"DEFAULT_CLOSED"}
+    COMPAT_ENGINES = {ENGINE}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Show with DualCone as the engine."""
+        return context.engine in cls.COMPAT_ENGINES
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the choice among the view layer's groups."""
+        owner: Any = getattr(context, self.bl_context)
+        row = labelled_rows(self).row()
+        row.prop_search(owner, "lightgroup", context.view_layer, "lightgroups", text="Light Group")
+
+
+class DUALCONE_PT_object_lightgroup(LightGroupPanel, bpy.types.Panel):
+    """Light group of a lamp or glowing thing."""
+
+    bl_context = "object"
+
+
+class DUALCONE_PT_world_lightgroup(LightGroupPanel, bpy.types.Panel):
+    """Light group of the world."""
+
+    bl_context = "world"
+
+
 CLASSES = (
     DUALCONE_OT_preset_add,
     DUALCONE_PT_sampling_presets,
@@ -417,6 +467,9 @@ CLASSES = (
     DUALCONE_PT_passes_light,
     DUALCONE_PT_passes_cryptomatte,
     DUALCONE_PT_passes_aov,
+    DUALCONE_PT_passes_lightgroups,
+    DUALCONE_PT_object_lightgroup,
+    DUALCONE_PT_world_lightgroup,
 )
 
 

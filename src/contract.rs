@@ -97,7 +97,7 @@ pub const MESH: &[ArraySpec] = &[
         U32,
         &["A"],
         "hash",
-        "Names of the layers below; programs ask for a layer by its name's hash. Zero is `corner_uvs`.",
+        "Names of the layers below; programs ask for a layer by its name's hash. Zero is `corner_uvs`. 4 makes the mesh tubes of strands: along the strand, as long as its radius [m], and how many sides the tube has; 5 is the share of the strand's length up to here, that length [m], and the strand's number.",
     ),
     array(
         "layer_values",
@@ -220,6 +220,20 @@ pub const FRAME: &[ArraySpec] = &[
         "Pass index of the object, and the instance's own random number from 0 to 1.",
     ),
     array(
+        "particle_instances",
+        U32,
+        &["B"],
+        "instance",
+        "The instances that show particles whose data materials ask for.",
+    ),
+    array(
+        "particles",
+        F32,
+        &["B", "13"],
+        "1, frames, m, m/s, rad/s",
+        "Of each: number in its system, frames since birth, lifetime, size, location, velocity, angular velocity.",
+    ),
+    array(
         "instance_slots",
         U32,
         &["I", "2"],
@@ -271,8 +285,8 @@ pub const FRAME: &[ArraySpec] = &[
     array(
         "instance_links",
         U32,
-        &["I", "2"],
-        "set",
+        &["I", "3"],
+        "set, group",
         "As of lights, for the light that it gives off.",
     ),
     array(
@@ -404,9 +418,9 @@ pub const FRAME: &[ArraySpec] = &[
     array(
         "light_links",
         U32,
-        &["L", "2"],
-        "set",
-        "Numbers of the sets of things that it lights and that stop its light; 0 for all.",
+        &["L", "3"],
+        "set, group",
+        "Numbers of the sets of things that it lights and that stop its light, 0 for all; and of its light group, 0 for none.",
     ),
     array(
         "world_from_camera",
@@ -568,6 +582,13 @@ pub const FRAME: &[ArraySpec] = &[
         &[],
         "bits",
         "As `light_visibility`.",
+    ),
+    array(
+        "world_group",
+        U32,
+        &[],
+        "group",
+        "Number of its light group, 0 for none.",
     ),
     array(
         "world_max_bounces",
@@ -746,6 +767,7 @@ pub const PASSES: &[PassSpec] = &[
     pass("Transmission Color", "RGB", "COLOR", Mean, "Share of light that is refracted."),
     pass("Emission", "RGB", "COLOR", Mean, "Light of glowing surfaces and lamps that the camera sees."),
     pass("Environment", "RGB", "COLOR", Mean, "Light of the world that the camera sees."),
+    pass("Light Group", "RGB", "COLOR", Means, "What Combined has of the lamps, glowing surfaces and world of a light group, `Light Group.` and its number; by paths of its own."),
     pass("Volume Direct", "RGB", "COLOR", Mean, "Light that comes straight from its source and is scattered by media."),
     pass("Volume Indirect", "RGB", "COLOR", Mean, "The same of light that comes by way of other places."),
     pass("Ambient Occlusion", "RGB", "COLOR", Mean, "Share of directions above the surface in which nothing is near, weighted by their cosine."),
@@ -777,6 +799,7 @@ const LIGHT: &[&str] = &[
     "Noisy Image",
     "Emission",
     "Environment",
+    "Light Group",
     "Volume Direct",
     "Volume Indirect",
 ];

@@ -164,6 +164,20 @@ pub const AMBIENT: Row = Row::of("Ambient Occlusion");
 const EMISSION: Row = Row::of("Emission");
 const ENVIRONMENT: Row = Row::of("Environment");
 
+const GROUP: Row = Row::of("Light Group");
+
+/// Whether a pass shows a light group.
+pub fn wants_groups(layout: &Layout) -> bool {
+    layout.keeps(GROUP)
+}
+
+/// Adds light of a group to its pass, if there is one.
+pub fn add_group(extra: &mut Extra, iteration: u32, group: u8, light: Vec3A) {
+    if let Some(key) = extra.layout.key_of(GROUP, u32::from(group)) {
+        extra.add_to(GROUP, key, iteration, &light.to_array());
+    }
+}
+
 /// Whether a pass asks how surfaces scattered the light that they send to the camera.
 pub fn wants_scattered(layout: &Layout) -> bool {
     let rows = SCATTERED

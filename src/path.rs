@@ -22,6 +22,8 @@ use crate::scene::{Links, Membership, SceneFrame};
 use crate::shader::{Around, RayInfo, RayKind};
 use crate::surface::{self, Passage, Surface};
 
+mod groups;
+
 /// Bounces before Russian roulette may end a path; Cycles begins there too.
 const ROULETTE_FROM: u32 = 3;
 
@@ -167,6 +169,15 @@ impl Continuation {
             time: self.ray.time,
         }
     }
+}
+
+/// How a path goes on from a surface.
+struct Step {
+    next: Continuation,
+    /// `f cos` of its direction [1/sr].
+    value: LobeValues,
+    /// Probability of going on.
+    survival: f32,
 }
 
 /// Light that a surface sends to the camera, as passes divide it: see [`LobeValues::by_pass`].
@@ -635,6 +646,19 @@ impl<'a> Tracer<'a> {
         throughput: f32,
         sampler: &Sampler,
     ) -> Option<Reflected> {
+        let (outside, weight) = self.resurfaced(surface, &from, sampler)?;
+        let throughput = throughput * weight.max_element();
+        let reflected = self.reflected(&outside, from, throughput, sampler);
+        Some(reflected.tinted(weight))
+    }
+
+    /// Where a walk below a surface comes out, and by how much light is weighted that enters there.
+    fn resurfaced(
+        &self,
+        surface: &Surface,
+        from: &Bounces,
+        sampler: &Sampler,
+    ) -> Option<(Surface, Vec3A)> {
         let below = surface.below.as_ref()?;
         let mut numbers = sampler.walk(from.total);
         let inwards = |direction: &Vec3A| direction.dot(surface.geometric_normal) < 0.0;
@@ -646,11 +670,8 @@ impl<'a> Tracer<'a> {
             Some((hit.t, hit))
         };
         let exit = below.walk(surface.ray_into(direction), &mut numbers, meet)?;
-        let weight = below.weight * exit.carried;
         let outside = surface::exit(self.frame, &exit.hit, &exit.ray, &from.ray_info(None));
-        let throughput = throughput * weight.max_element();
-        let reflected = self.reflected(&outside, from, throughput, sampler);
-        Some(reflected.tinted(weight))
+        Some((outside, below.weight * exit.carried))
     }
 
     /// The path that goes on, if one does.
@@ -661,6 +682,24 @@ impl<'a> Tracer<'a> {
         throughput: f32,
         sampler: &Sampler,
     ) -> Option<Reflected> {
+        let step = self.step(surface, from, throughput, sampler)?;
+        Some(Reflected {
+            direct: LobeValues::default(),
+            gathered: self.gather(&step.next, sampler),
+            value: step.value,
+            pdf_solid_angle: step.next.pdf_solid_angle,
+            survival: step.survival,
+        })
+    }
+
+    /// The next step of the path, if it goes on.
+    fn step(
+        &self,
+        surface: &Surface,
+        from: Bounces,
+        throughput: f32,
+        sampler: &Sampler,
+    ) -> Option<Step> {
         let numbers = sampler.scatter(from.total);
         let sample = surface.bsdf.sample(numbers.lobe, numbers.direction)?;
         let pdf_solid_angle = surface.bsdf.pdf(sample.pdfs);
@@ -681,11 +720,9 @@ impl<'a> Tracer<'a> {
             throughput: throughput / survival,
             wants_distance: false,
         };
-        Some(Reflected {
-            direct: LobeValues::default(),
-            gathered: self.gather(&next, sampler),
+        Some(Step {
+            next,
             value: sample.value,
-            pdf_solid_angle,
             survival,
         })
     }
@@ -794,18 +831,7 @@ impl<'a> Tracer<'a> {
             self.add_environment(from, passed.share(distance), clamped, &mut gathered);
             return gathered;
         };
-        if surface.emission != Vec3A::ZERO && self.is_lit_by_glow(from, &surface) {
-            let (hit, strategy) = (&surface.hit, from.strategy);
-            let pdf_light = self.lights.emissive_pdf(
-                &from.receiver(),
-                strategy,
-                hit.instance,
-                hit.triangle,
-                surface.position,
-            );
-            let glow = surface.emission * balance(from.pdf_solid_angle, pdf_light);
-            gathered.lamps += clamped(glow);
-        }
+        gathered.lamps += clamped(self.glow(from, &surface));
         gathered.probability_lambert = surface.bsdf.probability_lambert();
         if !last {
             let reflected = self.reflected(&surface, bounces, from.throughput, sampler);
@@ -813,6 +839,22 @@ impl<'a> Tracer<'a> {
             gathered.indirect = reflected.sum() + below.map_or(Vec3A::ZERO, |below| below.sum());
         }
         gathered
+    }
+
+    /// Light of a glowing surface that a ray meets, beside the light samples of its strategy.
+    fn glow(&self, from: &Continuation, surface: &Surface) -> Vec3A {
+        if surface.emission == Vec3A::ZERO || !self.is_lit_by_glow(from, surface) {
+            return Vec3A::ZERO;
+        }
+        let (hit, strategy) = (&surface.hit, from.strategy);
+        let pdf_light = self.lights.emissive_pdf(
+            &from.receiver(),
+            strategy,
+            hit.instance,
+            hit.triangle,
+            surface.position,
+        );
+        surface.emission * balance(from.pdf_solid_angle, pdf_light)
     }
 
     /// Whether a glowing surface that a ray meets lights the thing that the ray comes from.
@@ -874,6 +916,20 @@ impl<'a> Tracer<'a> {
 
     /// Light of the lamps on a ray up to `distance`, through what it passed.
     fn lamps(&self, from: &Continuation, distance: f32, passed: &Passed) -> Vec3A {
+        let mut sum = Vec3A::ZERO;
+        self.each_lamp(from, distance, passed, |_, light| sum += light);
+        sum
+    }
+
+    /// The same lamp by lamp.
+    #[inline(always)]
+    fn each_lamp(
+        &self,
+        from: &Continuation,
+        distance: f32,
+        passed: &Passed,
+        mut emit: impl FnMut(Links, Vec3A),
+    ) {
         let ray = Ray {
             t_max: distance,
             ..from.ray
@@ -883,12 +939,10 @@ impl<'a> Tracer<'a> {
             .lights
             .lamps_along(&ray, from.normal, from.strategy, kind, vertex)
             .filter(|lamp| is_linked(lamp.links, from.membership));
-        lamps
-            .map(|lamp| {
-                let weight = balance(from.pdf_solid_angle, lamp.pdf_solid_angle);
-                passed.share(lamp.t) * lamp.radiance * weight
-            })
-            .sum()
+        for lamp in lamps {
+            let weight = balance(from.pdf_solid_angle, lamp.pdf_solid_angle);
+            emit(lamp.links, passed.share(lamp.t) * lamp.radiance * weight);
+        }
     }
 
     /// Light found by sampling lights, scattered towards the viewer, for each part of the surface:
@@ -902,8 +956,26 @@ impl<'a> Tracer<'a> {
         sampler: &Sampler,
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
     ) -> LobeValues {
-        let vertex = from.total;
         let mut sum = LobeValues::default();
+        self.each_lit(surface, from, strategy, sampler, pdfs, |_, lit| sum += lit);
+        match from.total {
+            0 => sum * clamp_factor(sum.sum(), 1.0, self.settings.clamp_direct),
+            _ => sum,
+        }
+    }
+
+    /// The same light by light, as if nothing limited it.
+    #[inline(always)]
+    fn each_lit(
+        &self,
+        surface: &Surface,
+        from: &Bounces,
+        strategy: Strategy,
+        sampler: &Sampler,
+        pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
+        mut emit: impl FnMut(&LightSample, LobeValues),
+    ) {
+        let vertex = from.total;
         let sides: &[f32] = match surface.bsdf.is_transmissive() {
             true => &[1.0, -1.0],
             false => &[1.0],
@@ -924,12 +996,8 @@ impl<'a> Tracer<'a> {
             let is_on_side =
                 |light: &LightSample| side * light.direction.dot(surface.geometric_normal) > 0.0;
             for light in lights.into_iter().flatten().filter(is_on_side) {
-                sum += self.lit_by(&light, surface, from, sampler, &pdfs);
+                emit(&light, self.lit_by(&light, surface, from, sampler, &pdfs));
             }
-        }
-        match vertex {
-            0 => sum * clamp_factor(sum.sum(), 1.0, self.settings.clamp_direct),
-            _ => sum,
         }
     }
 

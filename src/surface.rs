@@ -9,8 +9,10 @@ use crate::math::{Ray, offset_origin};
 use crate::media::Collision;
 use crate::sampling::{Bsdf, Guides, Principled, alpha_of};
 use crate::scene::{Facet, Material, Membership, SceneFrame};
-use crate::shader::{self, Closure, Glossy, Point, RayInfo};
+use crate::shader::{self, Closure, Glossy, Point, RayInfo, Strand};
 use crate::subsurface::{Method, Subsurface};
+
+mod hair;
 
 /// A point on a surface, seen along a ray.
 pub struct Surface {
@@ -38,6 +40,8 @@ pub struct Surface {
     pub distance: f32,
     /// When the ray found it: the share of the shutter's time that has passed.
     pub time: f32,
+    /// The strand of hair that it is: rays leave it where they leave the strand.
+    strand: Option<Strand>,
     /// Height [m] above the triangle below which a ray may meet it again.
     clearance: f32,
 }
@@ -50,6 +54,11 @@ const CLEARANCE: f32 = 8.0 * f32::EPSILON;
 impl Surface {
     /// A ray from the surface that does not meet it again at once.
     pub fn ray_towards(&self, direction: Vec3A) -> Ray {
+        if let Some(strand) = &self.strand {
+            let t_min = strand.way_out(direction) + self.clearance;
+            let ray = Ray::new(self.position, direction).at_time(self.time);
+            return Ray { t_min, ..ray };
+        }
         let out = facing(self.geometric_normal, direction);
         let origin = offset_origin(self.position + self.clearance * out, out);
         Ray::new(origin, direction).at_time(self.time)
@@ -177,6 +186,7 @@ fn bare(frame: &SceneFrame, hit: &Hit, point: &Point, time: f32) -> Surface {
         is_medium: false,
         distance: hit.t,
         time,
+        strand: None,
         clearance: clearance_of(point),
     }
 }
@@ -258,6 +268,8 @@ impl Surface {
                 let normal = bent(toon.normal);
                 bsdf.add_toon(weight, normal, toon.size, toon.smooth, toon.is_glossy);
             }
+            Closure::Hair(ref hair) => self.add_hair(hair, scaled(hair.weight), point),
+            Closure::Streak(ref s) => self.add_streak(s, scaled(s.weight), point),
             Closure::Subsurface(ref s) => {
                 self.add_subsurface(below_node(s, scaled(s.weight), point), point);
             }
@@ -363,6 +375,7 @@ pub fn in_medium(ray: &Ray, collision: &Collision) -> Surface {
         is_medium: true,
         distance: t,
         time: ray.time,
+        strand: None,
         clearance: 0.0,
     }
 }
@@ -538,6 +551,8 @@ fn other_weights(frame: &SceneFrame, material: &Material, point: &Point) -> f32 
             Closure::Glossy(glossy) => glossy.weight,
             Closure::Subsurface(s) => s.weight,
             Closure::Toon(toon) => toon.weight,
+            Closure::Hair(hair) => hair.weight,
+            Closure::Streak(streak) => streak.weight,
             Closure::Glass(glass) | Closure::Refraction(glass) => glass.weight,
             Closure::Diffuse { weight, .. }
             | Closure::Translucent { weight, .. }

@@ -17,6 +17,7 @@ from .flow import FlowTable, still_flow
 from .image import ImageTable
 from .instance import InstanceTable
 from .light import LightTable
+from .linking import NO_GROUP, light_groups
 from .material import MaterialTable
 from .matte import Mattes
 from .motion import MotionTable, still_arrays
@@ -76,7 +77,7 @@ def export_frame(
         cache,
         core,
         materials,
-        LightTable(warnings, materials),
+        LightTable(warnings, materials, groups=light_groups(depsgraph.view_layer_eval)),
         warnings,
         should_stop,
         is_blurred=shutter is not None,
@@ -126,8 +127,10 @@ def _world_arrays(
     world = layer.world_override or materials.depsgraph.scene_eval.world
     material = np.array(materials.index_of_world(world), np.int32)
     read = export_world(world, materials.images, time, materials.warnings, should_stop)
+    group = light_groups(layer).get(world.lightgroup, NO_GROUP) if world else NO_GROUP
     return read.arrays() | {
         "world_material": material,
+        "world_group": np.array(group, np.uint32),
         "mist": mist(world),
         "ambient_distance": ambient_distance(world),
         "alpha_threshold": np.array(layer.pass_alpha_threshold, np.float32),

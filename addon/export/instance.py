@@ -20,7 +20,7 @@ from .material import MaterialTable
 from .mesh import NotFinite, load_mesh, load_surface, mesh_positions
 from .points import placements, read_points, unit_ball
 from .report import ExportStopped, Warnings
-from .shader.layers import VOLUME_GENERATED
+from .shader.layers import HAIR, OF_STRANDS, PARTICLE, VOLUME_GENERATED
 from .shutter import Times, motion_steps, motion_times
 from .strands import (
     Strands,
@@ -67,6 +67,8 @@ class Shape:
     balls: tuple[np.ndarray, np.ndarray] | None = None
     # Whether it is the hair of a particle system, which shows even where its emitter does not.
     is_hair: bool = False
+    # Whether its materials ask for the particle that it shows.
+    asks_for_particle: bool = False
     # Reads the vertices (V, 3) anew once the object is evaluated at another time.
     positions: Callable[[Any], np.ndarray | None] | None = None
 
@@ -93,8 +95,8 @@ class Seen:
     is_catcher: bool
     # Of the object and of what instances it, as light linking knows them.
     names: tuple[int, ...]
-    # The sets that its light reaches and that stop it.
-    links: tuple[int, int]
+    # The sets that its light reaches and that stop it, and its light group.
+    links: tuple[int, int, int]
 
 
 @dataclass
@@ -127,6 +129,7 @@ class InstanceTable:
     _colors: array = field(default_factory=lambda: array("f"))
     _infos: array = field(default_factory=lambda: array("f"))
     _matte_numbers: array = field(default_factory=lambda: array("f"))
+    _particles: dict[int, list[float]] = field(default_factory=dict)
     _seen: list[Seen] = field(default_factory=list)
     _seen_by: dict[tuple[int, int], Seen] = field(default_factory=dict)
     # What was placed for the items of each key, in their order, if they are visited again.
@@ -205,7 +208,7 @@ class InstanceTable:
         meshes = np.array([shape.mesh for shape in self._placed], np.uint32)
         slots = np.array([shape.slots for shape in self._placed], np.uint32).reshape(-1, 2)
         mattes = np.frombuffer(self._matte_numbers, np.float32).reshape(-1, 2)
-        links = np.array([seen.links for seen in self._seen], np.uint32).reshape(-1, 2)
+        links = np.array([seen.links for seen in self._seen], np.uint32).reshape(-1, 3)
         catchers = np.array([seen.is_catcher for seen in self._seen], np.uint32)
         return {
             "instance_mattes": mattes[keep] if self.materials.mattes else mattes,
@@ -215,6 +218,7 @@ class InstanceTable:
             "instance_color": np.frombuffer(self._colors, np.float32).reshape(-1, 4)[keep],
             "instance_info": np.frombuffer(self._infos, np.float32).reshape(-1, 2)[keep],
             "instance_slots": slots[keep],
+            **self._particle_arrays(),
             "instance_visibility": np.array([s.visibility for s in self._seen], np.uint32)[keep],
             "instance_holdout": np.array([s.is_holdout for s in self._seen], np.uint32)[keep],
             "instance_shadow_catcher": catchers[keep],
@@ -222,6 +226,15 @@ class InstanceTable:
             "instance_blocker_sets": self._linked(self.lights.blockers)[keep],
             "instance_links": links[keep],
             "slot_materials": np.array(self._slot_materials, np.uint32),
+        }
+
+    def _particle_arrays(self) -> dict[str, np.ndarray]:
+        """The `particle*` arrays of the contract."""
+        rows = np.array([row for row in self._particles if self.keep[row]], np.int64)
+        numbers = [self._particles[row] for row in rows.tolist()]
+        return {
+            "particle_instances": (np.cumsum(self.keep)[rows] - 1).astype(np.uint32),
+            "particles": np.array(numbers, np.float32).reshape(-1, 13),
         }
 
     def _linked(self, sets: LinkSets) -> np.ndarray:
@@ -246,6 +259,9 @@ class InstanceTable:
         self._keys.update(dict.fromkeys(self._free_keys(key, count)))
         self._seen += [self._seen_of(owner, item.parent if item.is_instance else owner)] * count
         self._colors.extend(owner.color[:] * count)
+        if shape.asks_for_particle and item.particle_system:
+            particle = particle_numbers(item, self.depsgraph.scene)
+            self._particles.update(dict.fromkeys(range(placed.row, placed.row + count), particle))
         if self.materials.mattes:
             self._matte_numbers.extend(self.materials.mattes.of_object(owner) * count)
         self._infos.extend((owner.pass_index, item.random_id / RANDOM_IDS) * count)
@@ -338,17 +354,25 @@ class InstanceTable:
                 mesh = filled(
                     mesh, [], mesh_texture_space(owner.data), False, self.cache, self.core
                 )
+            if HAIR in layers and not any(map(has_hair, owner.particle_systems)):
+                what = (
+                    "Principled Hair is not rendered yet on meshes (faces count as parts of hairs)"
+                )
+                self.warnings.add(owner.name, what)
             shapes.append(replace(self._shape(owner, mesh, rows), positions=mesh_positions))
+        first = 0
         for index, system in enumerate(owner.particle_systems):
             if has_hair(system):
                 slot = min(system.settings.material, len(rows)) - 1
-                read = partial(self._hair_of, index=index)
+                read = partial(self._hair_of, index=index, first=first)
                 hair = self._strand_shapes(owner, read, rows[max(slot, 0)])
+                first += len(system.particles) + len(system.child_particles)
                 shapes += [replace(shape, is_hair=True) for shape in hair]
         return shapes
 
-    def _hair_of(self, owner: bpy.types.Object, index: int) -> Strands | None:
-        return strands_of_particles(owner, owner.particle_systems[index], self.warnings)
+    def _hair_of(self, owner: bpy.types.Object, index: int, first: int) -> Strands | None:
+        strands = strands_of_particles(owner, owner.particle_systems[index], self.warnings)
+        return strands and replace(strands, first=first)
 
     def _curves_shapes(self, owner: bpy.types.Object) -> list[Shape]:
         def read(curves: bpy.types.Object) -> Strands:
@@ -361,11 +385,13 @@ class InstanceTable:
     ) -> list[Shape]:
         """The tubes of the strands that `read` finds."""
 
-        def surface_of(owner: bpy.types.Object, roots: np.ndarray | None) -> Surface | None:
+        def surface_of(
+            owner: bpy.types.Object, roots: np.ndarray | None, wanted: frozenset[str] = frozenset()
+        ) -> Surface | None:
             strands = read(owner)
-            return tubes(strands, owner.name, self.warnings, roots) if strands else None
+            return tubes(strands, owner.name, self.warnings, roots, wanted) if strands else None
 
-        surface = surface_of(owner, None)
+        surface = surface_of(owner, None, self.materials.layers[row])
         if surface is None:
             return []
 
@@ -404,15 +430,16 @@ class InstanceTable:
     def _plain_shape(self, owner: bpy.types.Object, surface: Surface, row: int) -> Shape:
         """A shape of one material."""
         mesh = load_surface(surface, self.cache, self.core)
-        if self.materials.layers[row]:
+        if self.materials.layers[row] - OF_STRANDS - {PARTICLE}:
             self.warnings.not_rendered(owner.name, "Texture coordinates of strands and points")
         return self._shape(owner, mesh, [row])
 
     def _shape(self, owner: bpy.types.Object, mesh: CachedMesh, rows: list[int]) -> Shape:
-        row = self._mesh_rows.setdefault(mesh.digest, len(self.meshes))
-        if row == len(self.meshes):
+        number = self._mesh_rows.setdefault(mesh.digest, len(self.meshes))
+        if number == len(self.meshes):
             self.meshes.append(mesh)
-        return Shape(owner.name, row, self._slots(rows))
+        asks = any(PARTICLE in self.materials.layers[row] for row in rows)
+        return Shape(owner.name, number, self._slots(rows), asks_for_particle=asks)
 
     def _mesh(self, owner: bpy.types.Object, layers: frozenset[str]) -> CachedMesh | None:
         """The mesh of an evaluated object, read only if it may have changed."""
@@ -451,6 +478,19 @@ class InstanceTable:
             self._slot_lists[key] = (len(self._slot_materials), len(rows))
             self._slot_materials += rows
         return self._slot_lists[key]
+
+
+def particle_numbers(item: Any, scene: Any) -> list[float]:
+    """What the contract's `particles` have of the particle that an instance shows."""
+    number = item.persistent_id[0]
+    particles = item.particle_system.particles
+    if not 0 <= number < len(particles):  # a child of one
+        return [float(number)] + [0.0] * 12
+    particle = particles[number]
+    age = scene.frame_current_final - particle.birth_time
+    vectors = (particle.location, particle.velocity, particle.angular_velocity)
+    single = (number, age, particle.lifetime, particle.size)
+    return [*single, *(x for vector in vectors for x in vector)]
 
 
 def is_adaptive(owner: Any, scene: Any) -> bool:

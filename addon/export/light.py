@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .linking import EVERYTHING, LinkSets
+from .linking import EVERYTHING, NO_GROUP, LightGroups, LinkSets
 from .material import MaterialTable
 from .nodes import Color, Constant, RecursiveGroup, surface
 from .report import Warnings
@@ -47,7 +47,8 @@ class Light:
     soft_falloff: bool
     visibility: int
     max_bounces: int
-    links: tuple[int, int]
+    # Numbers of the sets that it lights and that stop its light, and of its light group.
+    links: tuple[int, int, int]
 
 
 @dataclass
@@ -59,6 +60,7 @@ class LightTable:
     lights: list[Light] = field(default_factory=list)
     receivers: LinkSets = field(default_factory=LinkSets)
     blockers: LinkSets = field(default_factory=LinkSets)
+    groups: LightGroups = field(default_factory=dict)
 
     def add(self, owner: bpy.types.Object, world_from_object: Matrix, key: int) -> None:
         """Append an evaluated light object, or warn why it is left out."""
@@ -91,14 +93,15 @@ class LightTable:
         )
         self.lights.append(light)
 
-    def links(self, owner: bpy.types.Object) -> tuple[int, int]:
-        """Numbers of the sets that a lamp or glowing thing lights and that stop its light."""
+    def links(self, owner: bpy.types.Object) -> tuple[int, int, int]:
+        """Numbers of what a lamp or glowing thing lights, what stops its light, and its group."""
         linking = owner.light_linking
         receivers = self.receivers.number(linking.receiver_collection)
         blockers = self.blockers.number(linking.blocker_collection)
         if receivers is None or blockers is None:
             self.warnings.add(owner.name, "more than 63 light linking sets, it lights everything")
-        return (receivers or EVERYTHING, blockers or EVERYTHING)
+        group = self.groups.get(owner.lightgroup, NO_GROUP)
+        return (receivers or EVERYTHING, blockers or EVERYTHING, group)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The `light_*` arrays and `world_from_light` of the contract."""
@@ -120,7 +123,7 @@ class LightTable:
             "light_soft_falloff": column("soft_falloff", np.uint32),
             "light_visibility": column("visibility", np.uint32),
             "light_max_bounces": column("max_bounces", np.uint32),
-            "light_links": column("links", np.uint32, 2),
+            "light_links": column("links", np.uint32, 3),
         }
 
 

@@ -1,4 +1,7 @@
-"""Light linking: the things that a lamp lights, and those that stop its light, as numbered sets."""
+"""Light linking: the things that a lamp lights, and those that stop its light, as numbered sets.
+
+And light groups, whose light passes show on its own.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,18 @@ from typing import Any
 # Number 0 is the set of all things; the contract has 64 bits.
 EVERYTHING = 0
 SETS_MAX = 64
+# Number of the light group of what is in none; the contract has 8 bits.
+NO_GROUP = 0
+GROUPS_MAX = 255
+
+# The numbers of a view layer's light groups by their names.
+LightGroups = dict[str, int]
+
+
+def light_groups(view_layer: Any) -> LightGroups:
+    """Number the light groups of a view layer, as many as there may be."""
+    names = [group.name for group in view_layer.lightgroups]
+    return {name: number for number, name in enumerate(names[:GROUPS_MAX], NO_GROUP + 1)}
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from .cache import CachedMesh, ExportCache
 from .layer import read_layers
-from .shader.layers import ACTIVE_UV, layer_key
+from .shader.layers import ACTIVE_UV, OF_STRANDS, PARTICLE, layer_key
 from .strands import Surface
 
 
@@ -82,7 +82,8 @@ def load_surface(surface: Surface, cache: ExportCache, core: Any) -> CachedMesh:
     if not np.isfinite(surface.vertices).all():
         raise NotFinite
     content = hashlib.blake2b(digest_size=16)
-    for array in vars(surface).values():
+    parts = (surface.vertices, surface.normals, surface.triangles, surface.roots)
+    for array in (*parts, *surface.layers.values()):
         content.update(np.ascontiguousarray(array))
     digest = content.digest()
     cached = cache.meshes.get(digest)
@@ -93,11 +94,13 @@ def load_surface(surface: Surface, cache: ExportCache, core: Any) -> CachedMesh:
             triangles=surface.triangles,
             corner_normals=surface.normals[surface.triangles],
             corner_uvs=corner_uvs,
-            layer_keys=np.empty(0, np.uint32),
-            layer_values=np.empty((0, *surface.triangles.shape, 4), np.float32),
+            layer_keys=np.array([layer_key(name) for name in surface.layers], np.uint32),
+            layer_values=np.array(
+                [values[surface.triangles] for values in surface.layers.values()], np.float32
+            ).reshape(-1, *surface.triangles.shape, 4),
             material_slots=np.zeros(len(surface.triangles), np.uint32),
         )
-        cached = CachedMesh(handle, digest, digest, corner_uvs, frozenset())
+        cached = CachedMesh(handle, digest, digest, corner_uvs, frozenset(surface.layers))
         cache.add(cached)
     return cached
 
@@ -125,7 +128,7 @@ def read_faces(mesh: bpy.types.Mesh, wanted: frozenset[str], warn: Callable[[str
         ),
         face_starts=starts,
         face_materials=np.maximum(face_materials, 0),
-        layers=read_layers(mesh, wanted - {ACTIVE_UV}, warn),
+        layers=read_layers(mesh, wanted - {ACTIVE_UV, PARTICLE} - OF_STRANDS, warn),
     )
 
 

@@ -6,6 +6,7 @@ that turns to the ray and is shaded as if round: from outside a tube looks like 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from mathutils import Matrix
 
 from .report import Warnings
+from .shader.layers import STRAND, STRAND_INFO
 
 # Faces around a tube. Corner normals make it look round; its mean width is that of a circle.
 SIDES = 8
@@ -35,6 +37,8 @@ class Strands:
     points: np.ndarray  # (P, 3) m, object
     radii: np.ndarray  # (P,) m
     counts: np.ndarray  # (S,) points of each strand
+    # Number of the first strand among those of its object.
+    first: int = 0
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,8 @@ class Surface:
     triangles: np.ndarray  # (T, 3) vertex
     # (S, 3) unit, object: across each strand at its root, if it is of strands.
     roots: np.ndarray = field(default_factory=lambda: np.empty((0, 3), np.float32))
+    # (V, 4) each, by the name of the layer.
+    layers: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 def strands_of_curves(data: Any) -> Strands:
@@ -97,9 +103,7 @@ def strands_of_particles(owner: Any, system: Any, warnings: Warnings) -> Strands
 
 def particle_radii(settings: Any, points: np.ndarray) -> np.ndarray:
     """Radius at each point (S, P) of strands (S, P, 3), by the profile of the particle settings."""
-    lengths = np.linalg.norm(np.diff(points, axis=1), axis=2)
-    travelled = np.cumsum(lengths, axis=1) / np.maximum(lengths.sum(axis=1, keepdims=True), 1e-12)
-    to_tip = 1.0 - np.concatenate([np.zeros_like(travelled[:, :1]), travelled], axis=1)
+    to_tip = 1.0 - travelled(points)[0]
     shape = settings.shape
     exponent = 1.0 + shape if shape < 0.0 else 1.0 / max(1.0 - shape, 1e-6)
     profile = np.clip(to_tip, 0.0, 1.0) ** exponent
@@ -112,40 +116,63 @@ def particle_radii(settings: Any, points: np.ndarray) -> np.ndarray:
     return radii.astype(np.float32)
 
 
+def travelled(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Share of its length at each point (S, P) of strands (S, P, 3), and the lengths (S,)."""
+    steps = np.linalg.norm(np.diff(points, axis=1), axis=2)
+    lengths = steps.sum(axis=1, keepdims=True)
+    shares = np.cumsum(steps, axis=1) / np.maximum(lengths, 1e-12)
+    return np.concatenate([np.zeros_like(shares[:, :1]), shares], axis=1), lengths[:, 0]
+
+
 def tubes(
-    strands: Strands, name: str, warnings: Warnings, roots: np.ndarray | None = None
+    strands: Strands,
+    name: str,
+    warnings: Warnings,
+    roots: np.ndarray | None = None,
+    wanted: Collection[str] = (),
 ) -> Surface | None:
     """The tubes of all strands with at least two points; None without any.
 
-    `roots` are those of the same strands at another time: tubes do not turn in between.
+    `roots` are those of the same strands at another time: tubes do not turn in between. `wanted`
+    names the layers that materials read.
     """
     groups = _by_length(strands)
     pieces, sides = PIECES, SIDES
-    spans = sum(len(points) * (points.shape[1] - 1) for points, _ in groups)
+    spans = sum(len(g.points) * (g.points.shape[1] - 1) for g in groups)
     while spans * pieces * sides * 2 > TRIANGLES_MAX and (pieces, sides) != (1, 3):
         pieces, sides = max(1, pieces - 1), max(3, sides - 1)
     if (pieces, sides) != (PIECES, SIDES):
         count = spans * pieces * sides * 2
         warnings.add(name, f"its strands are drawn coarsely, with {count} triangles")
-    ends = np.cumsum([len(points) for points, _ in groups])
+    ends = np.cumsum([len(g.points) for g in groups])
     if roots is not None and (not groups or len(roots) != ends[-1]):
         roots = None
     starts = [None] * len(groups) if roots is None else np.split(roots, ends[:-1])
     surfaces = [
-        _tubes(points, radii, pieces, sides, start)
-        for (points, radii), start in zip(groups, starts, strict=True)
+        _tubes(group, pieces, sides, start, wanted)
+        for group, start in zip(groups, starts, strict=True)
     ]
     return _joined(surfaces) if surfaces else None
 
 
-def _by_length(strands: Strands) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Points (S, P, 3) and radii (S, P) of strands of equal length."""
+@dataclass(frozen=True)
+class Alike:
+    """Strands of as many points each."""
+
+    points: np.ndarray  # (S, P, 3) m, object
+    radii: np.ndarray  # (S, P) m
+    numbers: np.ndarray  # (S,) of the strands in their object
+
+
+def _by_length(strands: Strands) -> list[Alike]:
+    """The strands of at least two points."""
     starts = np.cumsum(strands.counts) - strands.counts
     groups = []
     for length in np.unique(strands.counts):
         if length > 1:
-            rows = starts[strands.counts == length][:, None] + np.arange(length)
-            groups.append((strands.points[rows], strands.radii[rows]))
+            numbers = np.flatnonzero(strands.counts == length)
+            rows = starts[numbers][:, None] + np.arange(length)
+            groups.append(Alike(strands.points[rows], strands.radii[rows], numbers + strands.first))
     return groups
 
 
@@ -157,13 +184,14 @@ def _joined(surfaces: list[Surface]) -> Surface:
         np.concatenate([s.normals for s in surfaces]),
         np.concatenate(triangles).astype(np.uint32),
         np.concatenate([s.roots for s in surfaces]),
+        {name: np.concatenate([s.layers[name] for s in surfaces]) for name in surfaces[0].layers},
     )
 
 
 def _tubes(
-    points: np.ndarray, radii: np.ndarray, pieces: int, sides: int, roots: np.ndarray | None
+    group: Alike, pieces: int, sides: int, roots: np.ndarray | None, wanted: Collection[str]
 ) -> Surface:
-    line = catmull_rom(np.concatenate([points, radii[..., None]], axis=2), pieces)
+    line = catmull_rom(np.concatenate([group.points, group.radii[..., None]], axis=2), pieces)
     centres, radius = line[..., :3], np.maximum(line[..., 3], 0.0)
     across, up = frames(centres, roots)
     angle = 2.0 * np.pi * np.arange(sides) / sides
@@ -173,12 +201,37 @@ def _tubes(
     grown = radius * (np.pi / sides / np.sin(np.pi / sides))
     vertices = centres[:, :, None] + grown[:, :, None, None] * normals
     strands, rings = radius.shape
+    layers = {}
+    if STRAND in wanted:
+        along = radius[..., None] * np.cross(across, up)
+        layers[STRAND] = _ring_layer(along, np.full((strands, rings, 1), sides), sides)
+    if STRAND_INFO in wanted:
+        layers[STRAND_INFO] = _ring_layer(
+            _infos(group, pieces), np.zeros((strands, rings, 1)), sides
+        )
     return Surface(
         vertices.reshape(-1, 3).astype(np.float32),
         normals.reshape(-1, 3).astype(np.float32),
         _tube_triangles(strands, rings, sides),
         across[:, 0].astype(np.float32),
+        layers,
     )
+
+
+def _infos(group: Alike, pieces: int) -> np.ndarray:
+    """What Hair Info tells at each ring (S, R, 3): share of the length, the length, the number."""
+    shares, lengths = travelled(group.points)
+    t = np.arange(pieces) / pieces
+    between = shares[:, :-1, None] * (1.0 - t) + shares[:, 1:, None] * t
+    shares = np.concatenate([between.reshape(len(shares), -1), shares[:, -1:]], axis=1)
+    columns = (shares, lengths[:, None], group.numbers[:, None])
+    return np.stack(np.broadcast_arrays(*columns), axis=2)
+
+
+def _ring_layer(values: np.ndarray, last: np.ndarray, sides: int) -> np.ndarray:
+    """Values (S, R, 3) and (S, R, 1) of each ring, for all vertices (V, 4)."""
+    rows = np.concatenate([values, last], axis=2).astype(np.float32)
+    return np.repeat(rows.reshape(-1, 4), sides, axis=0)
 
 
 def _tube_triangles(strands: int, rings: int, sides: int) -> np.ndarray:

@@ -56,6 +56,7 @@ static NOWHERE: ObjectInfo = ObjectInfo {
     color: Vec4::ONE,
     index: 0.0,
     random: 0.0,
+    particle: None,
 };
 
 /// What a point is in.

@@ -18,13 +18,13 @@ use rayon::prelude::*;
 
 use crate::contract::{Method, Settings};
 use crate::error::{Error, Result};
-use crate::film::{Caught, Film, Pixel, Region, Sighting};
+use crate::film::{Caught, Extra, Film, Pixel, Region, Sighting};
 use crate::math::warp::sample_cosine_hemisphere;
 use crate::math::{Frame, PixelFilter, Ray};
 use crate::passes::{self, Seen, Shown};
 use crate::path::{Bounces, Divided, Passed, Reflected, Tracer, take_rays};
 use crate::progress::Progress;
-use crate::sampling::{Sampler, ShutterTimes, Strategy};
+use crate::sampling::{LightHit, Sampler, ShutterTimes, Strategy};
 use crate::scene::FrameWindow;
 use crate::shader::{Around, RayInfo, RayKind};
 use crate::surface::Surface;
@@ -225,11 +225,8 @@ impl View<'_> {
         let Some(ray) = &shot.ray else {
             return Sight::OUTSIDE;
         };
-        let (tracer, passed, camera) = (&self.tracer, &shot.passed, RayKind::Camera);
-        // Lamps hide nothing: they shine through each other and in front of what is behind.
-        let lamps = tracer
-            .lights
-            .lamps_along(ray, -ray.direction, Strategy::One, camera, 0);
+        let (tracer, passed) = (&self.tracer, &shot.passed);
+        let lamps = self.lamps_seen(ray);
         let lamps: Vec3A = lamps.map(|lamp| passed.share(lamp.t) * lamp.radiance).sum();
         let surface = shot.surface.as_ref();
         let glow = surface.map_or(Vec3A::ZERO, |surface| surface.emission);
@@ -312,6 +309,9 @@ impl View<'_> {
             passes::add_mattes(extra, &seen);
             passes::add_outputs(extra, iteration, &seen);
             passes::add_seen_light(extra, iteration, sight.emission, sight.environment);
+            if passes::wants_groups(extra.layout) {
+                self.add_groups(extra, iteration, shot, sight.environment);
+            }
             let light = sight.emission + sight.environment;
             let means = (&self.tracer, &shot.sampler);
             passes::add_guides(extra, iteration, &seen, light, means);
@@ -324,6 +324,30 @@ impl View<'_> {
             }
         }
         sight
+    }
+
+    /// Adds what the camera sees along a ray of each light group.
+    fn add_groups(&self, extra: &mut Extra, iteration: u32, shot: &Shot, environment: Vec3A) {
+        let (tracer, mut note) = (&self.tracer, |group, light: Vec3A| {
+            passes::add_group(extra, iteration, group, light);
+        });
+        note(tracer.frame.world.reach.links.group, environment);
+        if let Some(ray) = &shot.ray {
+            for lamp in self.lamps_seen(ray) {
+                note(lamp.links.group, shot.passed.share(lamp.t) * lamp.radiance);
+            }
+        }
+        if let Some(surface) = &shot.surface {
+            note(tracer.group_of(surface), surface.emission);
+            tracer.note_scattered(surface, &shot.sampler, &mut note);
+        }
+    }
+
+    /// The lamps that a camera ray meets. They hide nothing: they shine through each other and in front
+    /// of what is behind.
+    fn lamps_seen(&self, ray: &Ray) -> impl Iterator<Item = LightHit> {
+        let lights = &self.tracer.lights;
+        lights.lamps_along(ray, -ray.direction, Strategy::One, RayKind::Camera, 0)
     }
 
     /// Share of even light from all sides that reaches a surface, by one ray.

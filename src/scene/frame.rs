@@ -16,7 +16,7 @@ use super::{
 use crate::contract::{Arrays, FRAME, Given};
 use crate::error::{Error, Result};
 use crate::math::Ray;
-use crate::shader::{Instructions, ObjectInfo, RayKind};
+use crate::shader::{Instructions, ObjectInfo, Particle, RayKind};
 
 /// A mesh, placed.
 #[derive(Debug, Clone)]
@@ -115,6 +115,7 @@ impl SceneFrame {
         let camera = camera(&arrays)?;
         let mut instances = instances(&arrays, meshes.len(), materials.len())?;
         set_in_motion(&mut instances, &arrays)?;
+        give_particles(&arrays, &mut instances)?;
         let mut frame = Self {
             frame,
             passes: ForPasses {
@@ -487,7 +488,35 @@ fn object_info(arrays: &Arrays, row: usize) -> ObjectInfo {
         color: arrays.f32s("instance_color").as_chunks::<4>().0[row].into(),
         index,
         random,
+        particle: None,
     }
+}
+
+/// Tells instances of the particles that they show.
+fn give_particles(arrays: &Arrays, instances: &mut [Instance]) -> Result<()> {
+    let numbers = arrays.f32s("particles").as_chunks::<13>().0;
+    let rows = arrays.u32s("particle_instances").iter().zip(numbers);
+    for (row, (&number, values)) in rows.enumerate() {
+        let number = index(
+            "particle_instances",
+            row,
+            i64::from(number),
+            instances.len(),
+            "instances",
+        )?;
+        let [number_in_system, age, lifetime, size, vectors @ ..] = *values;
+        let vector = |at: usize| Vec3A::new(vectors[at], vectors[at + 1], vectors[at + 2]);
+        instances[number as usize].info.particle = Some(Arc::new(Particle {
+            index: number_in_system,
+            age,
+            lifetime,
+            size,
+            location: vector(0),
+            velocity: vector(3),
+            angular_velocity: vector(6),
+        }));
+    }
+    Ok(())
 }
 
 fn lights(arrays: &Arrays, materials: usize) -> Result<Vec<Light>> {
@@ -550,11 +579,16 @@ fn light_kind(arrays: &Arrays, row: usize) -> Result<LightKind> {
 fn links(arrays: &Arrays, field: &'static str, row: usize) -> Result<Links> {
     let set =
         |number: u32| index(field, row, i64::from(number), 64, "sets").map(|number| number as u8);
-    let [receivers, blockers] = arrays.u32s(field).as_chunks::<2>().0[row];
+    let [receivers, blockers, number] = arrays.u32s(field).as_chunks::<3>().0[row];
     Ok(Links {
         receivers: set(receivers)?,
         blockers: set(blockers)?,
+        group: group(field, row, number)?,
     })
+}
+
+fn group(field: &'static str, row: usize, number: u32) -> Result<u8> {
+    index(field, row, i64::from(number), 256, "light groups").map(|number| number as u8)
 }
 
 fn camera(arrays: &Arrays) -> Result<Camera> {
@@ -646,7 +680,10 @@ fn world(arrays: &Arrays, images: &[Arc<Image>]) -> Result<World> {
         reach: Reach {
             visibility: Visibility::from_bits(arrays.u32s("world_visibility")[0]),
             max_bounces: arrays.u32s("world_max_bounces")[0],
-            ..Reach::ALL
+            links: Links {
+                group: group("world_group", 0, arrays.u32s("world_group")[0])?,
+                ..Links::default()
+            },
         },
     })
 }

@@ -40,13 +40,15 @@ impl Visibility {
 }
 
 /// The things that a light lights and those that stop its light, as numbers of sets; 0 is the set of
-/// all things. Blender's light linking and shadow linking.
+/// all things. Blender's light linking and shadow linking, and its light group.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Links {
     /// What is lit.
     pub receivers: u8,
     /// What stops the light.
     pub blockers: u8,
+    /// The light group whose pass shows it; 0 for none.
+    pub group: u8,
 }
 
 /// The sets that a thing is in: a bit for each.
@@ -95,6 +97,7 @@ impl Reach {
         links: Links {
             receivers: 0,
             blockers: 0,
+            group: 0,
         },
     };
 
@@ -139,6 +142,7 @@ mod tests {
         let links = |receivers, blockers| Links {
             receivers,
             blockers,
+            group: 0,
         };
         assert!(thing.is_lit_by(links(0, 1)) && thing.is_lit_by(links(2, 1)));
         assert!(!thing.is_lit_by(links(1, 1)));

@@ -37,6 +37,10 @@ pub enum Closure {
     },
     /// Even light within a cone.
     Toon(Toon),
+    /// A strand of tinted glass.
+    Hair(Hair),
+    /// The gleam of a thread.
+    Streak(Streak),
     /// Light that leaves elsewhere than it enters.
     Subsurface(Subsurface),
     /// Light: radiance, weight included [W / (sr m^2)].
@@ -105,6 +109,56 @@ pub struct Toon {
     pub smooth: f32,
     pub normal: Vec3A,
     pub is_glossy: bool,
+}
+
+/// Inputs of Blender's Principled Hair BSDF.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "the fields are the inputs of Blender's node")]
+pub struct Hair {
+    pub weight: f32,
+    pub pigment: Pigment,
+    pub roughness: f32,
+    pub radial_roughness: f32,
+    pub coat: f32,
+    pub ior: f32,
+    pub offset: f32,
+    pub random: f32,
+    pub random_color: f32,
+    pub random_roughness: f32,
+}
+
+/// What colours a hair, in the order of [`PIGMENTS`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Pigment {
+    /// Absorption per radius of the hair.
+    Absorption(Vec3A),
+    /// Melanin, 0 to 1, the share of it that is red, and a dye.
+    Melanin {
+        /// How much there is, as the eye judges it.
+        amount: f32,
+        /// Share of pheomelanin.
+        redness: f32,
+        /// Colour that many hairs have by the dye.
+        tint: Vec3A,
+    },
+    /// The colour that many hairs have.
+    Color(Vec3A),
+}
+
+/// What Blender calls them.
+pub const PIGMENTS: &[&str] = &["ABSORPTION", "MELANIN", "COLOR"];
+
+/// Inputs of Blender's Hair BSDF.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "the fields are the inputs of Blender's node")]
+pub struct Streak {
+    pub weight: f32,
+    pub color: Vec3A,
+    pub offset: f32,
+    /// RoughnessU and RoughnessV.
+    pub widths: [f32; 2],
+    pub tangent: Vec3A,
+    pub passes: bool,
 }
 
 /// Inputs of Blender's Subsurface Scattering.

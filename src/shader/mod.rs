@@ -16,14 +16,18 @@ mod operation;
 mod ops;
 mod point;
 mod program;
+mod strand;
 
-pub use closure::{Closure, Distribution, Glass, Glossy, Principled, Subsurface, Volume};
+pub use closure::{
+    Closure, Distribution, Glass, Glossy, Hair, Pigment, Principled, Streak, Subsurface, Volume,
+};
 pub use operation::{OPERATIONS, Operation, Parameter};
 pub use ops::TABLE_SIZE;
 pub use point::{
-    Around, Attributes, FILTER_WIDTH, FLAT, GENERATED, ObjectInfo, Point, RayInfo, RayKind, Search,
-    UNDISPLACED, View,
+    Around, Attributes, FILTER_WIDTH, FLAT, GENERATED, ObjectInfo, Particle, Point, RayInfo,
+    RayKind, Search, UNDISPLACED, View,
 };
 #[cfg(test)]
 pub(crate) use program::Row;
 pub use program::{Draft, Instructions, Program, Use};
+pub use strand::Strand;

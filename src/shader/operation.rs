@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{Vec3A, Vec4};
 
-use super::closure::{Closure, DISTRIBUTIONS};
+use super::closure::{Closure, DISTRIBUTIONS, PIGMENTS};
 use super::ops::{
     closures, color, convert, input, noise, normal, pattern, texture, vector, voronoi,
 };
@@ -229,11 +229,13 @@ pub static OPERATIONS: &[Operation] = &[
     here("geometry", &[], Modes(&[&["Position", "Normal", "True Normal", "Incoming", "Parametric", "Backfacing"]]), input::geometry),
     here("coordinate", &[], Modes(&[&["Normal", "Object", "Camera", "Window", "Reflection"]]), input::coordinate),
     here("object_info", &[], Modes(&[&["Location", "Color", "Alpha", "Object Index", "Random"]]), input::object_info),
+    here("particle_info", &[], Modes(&[&["Index", "Random", "Age", "Lifetime", "Location", "Size", "Velocity", "Angular Velocity"]]), input::particle_info),
+    here("hair_info", &[], Modes(&[&["Is Strand", "Intercept", "Length", "Thickness", "Tangent Normal", "Random"]]), input::hair_info),
     here("camera_data", &[], Modes(&[&["View Vector", "View Z Depth", "View Distance"]]), input::camera_data),
     here("light_path", &[], Modes(&[&input::LIGHT_PATH_NAMES]), input::light_path),
     here("light_falloff", &["Strength", "Smooth"], Modes(&[&["Quadratic", "Linear", "Constant"]]), input::light_falloff),
     here("vector_transform", &["Vector"], Modes(&[&["POINT", "VECTOR", "NORMAL"], &["WORLD", "OBJECT", "CAMERA"], &["WORLD", "OBJECT", "CAMERA"]]), input::vector_transform),
-    here("wireframe", &["Size"], None, input::wireframe),
+    here("wireframe", &["Size"], Modes(&[OFF_ON]), input::wireframe),
     here("ambient_occlusion", &["Distance", "Normal", "samples"], Modes(&[OFF_ON, OFF_ON]), input::ambient_occlusion),
     here("fresnel", &["IOR", "Normal"], None, normal::fresnel),
     here("layer_weight", &["Blend", "Normal"], Modes(&[&["Fresnel", "Facing"]]), normal::layer_weight),
@@ -253,6 +255,8 @@ pub static OPERATIONS: &[Operation] = &[
     closure("translucent", &["Weight", "Color", "Normal"], None, closures::translucent),
     closure("sheen", &["Weight", "Color", "Roughness", "Normal"], None, closures::sheen),
     closure("toon", &["Weight", "Color", "Size", "Smooth", "Normal"], Modes(&[&["DIFFUSE", "GLOSSY"]]), closures::toon),
+    closure("hair", &["Weight", "Color", "Melanin", "Melanin Redness", "Tint", "Absorption Coefficient", "Roughness", "Radial Roughness", "Coat", "IOR", "Offset", "Random Color", "Random Roughness", "Random"], Modes(&[PIGMENTS]), closures::hair),
+    closure("streak", &["Weight", "Color", "Offset", "RoughnessU", "RoughnessV", "Tangent"], Modes(&[&["Reflection", "Transmission"]]), closures::streak),
     closure("subsurface", &["Weight", "Color", "Scale", "Radius", "IOR", "Roughness", "Anisotropy", "Normal"], Modes(&[WALKS]), closures::subsurface),
     closure("emission", &["Weight", "Color"], None, closures::emission),
     closure("transparent", &["Weight", "Color"], None, closures::transparent),

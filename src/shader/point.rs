@@ -1,5 +1,7 @@
 //! Where a program is evaluated.
 
+use std::sync::Arc;
+
 use glam::{Affine3A, Vec2, Vec3A, Vec4};
 
 /// Key of the layer that is one where a triangle is flat; the texture coordinate has the key 0.
@@ -16,7 +18,7 @@ pub trait Attributes {
 }
 
 /// What the Object Info node tells.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ObjectInfo {
     /// The object's colour and alpha.
     pub color: Vec4,
@@ -24,6 +26,27 @@ pub struct ObjectInfo {
     pub index: f32,
     /// A random number in 0 to 1, the instance's own.
     pub random: f32,
+    /// The particle that it shows, where a material asks for it.
+    pub particle: Option<Arc<Particle>>,
+}
+
+/// What the Particle Info node tells.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Particle {
+    /// Its number in its system.
+    pub index: f32,
+    /// Frames since its birth, and from there to its death.
+    pub age: f32,
+    /// See `age`.
+    pub lifetime: f32,
+    /// Its size.
+    pub size: f32,
+    /// World space [m].
+    pub location: Vec3A,
+    /// World space [m/s].
+    pub velocity: Vec3A,
+    /// World space [rad/s].
+    pub angular_velocity: Vec3A,
 }
 
 impl Default for ObjectInfo {
@@ -32,6 +55,7 @@ impl Default for ObjectInfo {
             color: Vec4::ONE,
             index: 0.0,
             random: 0.0,
+            particle: None,
         }
     }
 }
@@ -265,6 +289,7 @@ impl Point<'static> {
             color: Vec4::ONE,
             index: 0.0,
             random: 0.0,
+            particle: None,
         };
         const RAY: RayInfo<'static> = RayInfo {
             kind: RayKind::Camera,

@@ -134,6 +134,30 @@ def value_in(stage: Stage, kind: str, out: int | str = 0, **values: Any) -> None
     finish(stage, tree, add_node(tree, "ShaderNodeBsdfDiffuse", Color=node.outputs[out]))
 
 
+def particle_in(stage: Stage, out: str, scale: float = 1.0) -> None:
+    """What Particle Info tells, as light of balls that the ball sends out."""
+    modifier = stage.ball.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    settings: Any = modifier.particle_system.settings
+    settings.count, settings.emit_from, settings.use_emit_random = 60, "VERT", False
+    settings.frame_start, settings.frame_end, settings.lifetime = 1.0, 10.0, 40.0
+    settings.lifetime_random, settings.size_random = 0.5, 0.5
+    settings.render_type, settings.particle_size, settings.instance_object = (
+        "OBJECT",
+        0.12,
+        stage.cube,
+    )
+    stage.cube.location.x -= 1.0
+    tree = node_tree(bpy.data.materials.new("Row"))
+    info = tree.nodes.new("ShaderNodeParticleInfo")
+    length = add_node(tree, "ShaderNodeVectorMath", operation="ABSOLUTE", Vector=info.outputs[out])
+    light = add_node(tree, "ShaderNodeEmission", Color=length.outputs[0], Strength=scale)
+    tree.links.new(light.outputs[0], output(tree).inputs["Surface"])
+    give(stage.cube, bpy.data.materials["Row"])
+    stage.scene.frame_end = 12
+    bpy.ops.ptcache.bake_all(bake=True)
+    stage.scene.frame_set(12)
+
+
 def occlusion_in(stage: Stage, socket: str, strength: float = 0.0, **values: Any) -> None:
     """What is near, as the colour or the light of a surface."""
     tree = node_tree(bpy.data.materials.new("Row"))
@@ -265,6 +289,11 @@ TEXTURES = table(
     ("Bevel, many samples", bevelled, {"kind": "ShaderNodeBsdfDiffuse", "Radius": 0.5, "samples": 16}),
     ("Bevel, glossy", bevelled, {"kind": "ShaderNodeBsdfAnisotropic", "Radius": 0.3}),
     ("Wireframe", value_in, {"kind": "ShaderNodeWireframe", "Size": 0.1}),
+    ("Wireframe, pixels", value_in, {"kind": "ShaderNodeWireframe", "use_pixel_size": True, "Size": 1.5}),
+    ("Particle Info, index", particle_in, {"out": "Index", "scale": 0.02}),
+    ("Particle Info, random", particle_in, {"out": "Random"}),
+    ("Particle Info, age", particle_in, {"out": "Age", "scale": 0.1}),
+    ("Particle Info, velocity", particle_in, {"out": "Velocity", "scale": 0.3}),
     ("Hue/Saturation", on_image, {"kind": "ShaderNodeHueSaturation", "Hue": 0.7, "Saturation": 0.5}),
     ("Gamma", on_image, {"kind": "ShaderNodeGamma", "Gamma": 2.0}),
     ("Invert", on_image, {"kind": "ShaderNodeInvert"}),

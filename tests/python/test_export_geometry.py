@@ -614,8 +614,10 @@ def test_things_that_glow_have_links_of_their_own() -> None:
     collection = bpy.data.collections.new("Linked")
     collection.objects.link(bpy.data.objects["Thing"])
     ghost.light_linking.receiver_collection = collection
+    scene().view_layers[0].lightgroups.add().name = "Group"
+    ghost.lightgroup = "Group"
     arrays = export_now().arrays
-    assert sorted(arrays["instance_links"].tolist()) == [[0, 0], [1, 0]]
+    assert sorted(arrays["instance_links"].tolist()) == [[0, 0, 0], [1, 0, 1]]
     # The ghost, whose links they are, is not in the set; all things are in set 0.
     glows = arrays["instance_links"][:, 0] == 1
     assert arrays["instance_receiver_sets"][glows].tolist() == [1]
@@ -670,6 +672,37 @@ def test_strands_become_tubes_as_wide_as_they_are() -> None:
     assert np.isclose(areas.sum(), 2 * 2 * np.pi * 0.1, rtol=1e-4)
     outwards = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert ((outwards * mesh.corner_normals[:, 0]).sum(axis=1) > 0.0).all()
+
+
+def principled_hair(tree: Any) -> Any:
+    return tree.nodes.new("ShaderNodeBsdfHairPrincipled").outputs[0]
+
+
+def test_strands_tell_hair_shaders_where_they_go() -> None:
+    owner = add_strands([2, 5], 0.1)
+    material = add_material("Hair", principled_hair)
+    owner.data.materials.append(material)
+    frame = export_now()
+    assert frame.warnings == []
+    assert frame.meshes[0].layer_keys.tolist() == [4]
+    along = frame.meshes[0].layer_values[0]
+    assert np.allclose(along, (0.0, 0.0, 0.1, 8.0))
+    shader = next(n for n in material.node_tree.nodes if n.bl_idname.endswith("HairPrincipled"))
+    shader.inputs["Random Roughness"].default_value = 0.5
+    mesh = export_now().meshes[0]
+    corners = mesh.vertices[mesh.triangles]
+    intercept, length, number, _ = np.moveaxis(mesh.layer_values[mesh.layer_keys == 5][0], -1, 0)
+    # The spline is slower at its ends than the share of the length.
+    assert np.allclose(intercept, corners[..., 2], atol=0.1)
+    assert np.allclose(length, 1.0)
+    assert np.array_equal(number, np.round(corners[..., 0]))
+
+
+def test_principled_hair_on_a_mesh_is_named() -> None:
+    owner = add_mesh("Ball")
+    owner.data.materials.append(add_material("Hair", principled_hair))
+    (warning,) = export_now().warnings
+    assert warning.startswith("'Ball': Principled Hair is not rendered yet on meshes")
 
 
 def test_a_point_cloud_becomes_balls() -> None:

@@ -270,25 +270,23 @@ def test_a_texture_without_an_image_is_magenta_and_numbers_stay_finite() -> None
 
 def test_nodes_of_unknown_type_are_named_and_default() -> None:
     def build(tree: Any) -> Any:
-        hair = node(tree, "ShaderNodeHairInfo")
-        return node(tree, "ShaderNodeBsdfPrincipled", Base_Color=hair.outputs["Intercept"]).outputs[
-            0
-        ]
+        point = node(tree, "ShaderNodePointInfo")
+        return node(tree, "ShaderNodeBsdfPrincipled", Base_Color=point.outputs["Random"]).outputs[0]
 
     (closure,), warnings = closures_of(build)
     assert np.allclose(closure["base_color"], 0.8)
     assert warnings == [
-        "'Wood': Curves Info in Base Color is not rendered yet (its default value is used)"
+        "'Wood': Point Info in Base Color is not rendered yet (its default value is used)"
     ]
 
 
 def test_an_unknown_shader_is_named_and_stands_in_as_diffuse() -> None:
     def build(tree: Any) -> Any:
-        return node(tree, "ShaderNodeBsdfHair", Color=(1, 0.5, 0.25, 1)).outputs[0]
+        return node(tree, "ShaderNodeBsdfRayPortal", Color=(1, 0.5, 0.25, 1)).outputs[0]
 
     (closure,), warnings = closures_of(build)
     assert (closure.kind, closure["color"]) == ("Diffuse", [1.0, 0.5, 0.25])
-    assert warnings == ["'Wood': Hair BSDF is not rendered yet (a diffuse surface is shown)"]
+    assert warnings == ["'Wood': Ray Portal BSDF is not rendered yet (a diffuse surface is shown)"]
 
 
 def test_distributions_beyond_are_named() -> None:

@@ -336,9 +336,31 @@ def test_a_pass_that_the_method_cannot_make_is_named(scene: Any) -> None:
     assert list(passes.problems(layer, "PATH")) == []
     (problem,) = passes.problems(layer, "PAPER")
     assert problem.startswith(f"{blender_name('Glossy Direct')}: only")
-    layer.lightgroups.add().name = "Key"
+    for number in range(256):
+        layer.lightgroups.add().name = f"Key {number}"
     (problem,) = passes.problems(layer, "PATH")
-    assert problem.endswith(": Combined_Key")
+    assert problem.endswith(": Combined_Key 255")
+
+
+@pytest.mark.parametrize("method", ["PATH", "DUAL_CONE"])
+def test_light_groups_add_up_and_are_those_of_cycles(lit_stage: Any, method: str) -> None:
+    glowing: Any = next(thing for thing in bpy.data.objects if "Emission" in thing.material_slots)
+    members = {"Lamp": bpy.data.objects["Area"], "Glow": glowing, "Sky": lit_stage.world}
+    for name, member in members.items():
+        lit_stage.view_layers[0].lightgroups.add().name = name
+        member.lightgroup = name
+    lit_stage.view_layers[0].lightgroups.add().name = "Nothing"
+    lit_stage.dualcone.method = method
+    ours, theirs = render(lit_stage, "DUALCONE", 128), render(lit_stage, "CYCLES", 512)
+    assert ours.layers() == theirs.layers()
+    groups = [exr.layer(f"Combined_{name}") for exr in (ours, theirs) for name in members]
+    if method == "PATH":
+        combined = ours.layer("Combined")[..., :3]
+        np.testing.assert_allclose(sum(groups[:3]), combined, rtol=1e-3, atol=1e-4)
+    for one, other in zip(groups[:3], groups[3:], strict=True):
+        # Noise; a light of another group would show as more.
+        assert one.mean() == pytest.approx(other.mean(), rel=0.05)
+    assert not ours.layer("Combined_Nothing").any()
 
 
 WHITE = (1.0, 1.0, 1.0)

@@ -8,6 +8,7 @@ import bpy
 
 from ..nodes import Color, Source
 from .compiler import ONE, ZERO, Compiler
+from .layers import HAIR, STRAND
 from .program import Operand, Operation, Value
 
 # Blender's reflectance where nothing is known.
@@ -132,6 +133,39 @@ def subsurface(compiler: Compiler, source: Source, weight: Operand) -> None:
     _closure(compiler, source, "subsurface", weight)
 
 
+def hair(compiler: Compiler, source: Source, weight: Operand) -> None:
+    """Principled Hair BSDF. Strands bring their own random number."""
+    if source.node.model != "CHIANG":
+        compiler.missing("Huang's model of Principled Hair", "Chiang's is used")
+    operation = compiler.operations["hair"]
+    given: dict[str, Operand] = {"Weight": weight, "Random": _strand_random(compiler, source)}
+    operands = [
+        given[name] if name in given else compiler.input(source, name) for name in operation.inputs
+    ]
+    compiler.program.layers |= {STRAND, HAIR}
+    parameter = operation.parameter((source.node.parametrization,)) or 0
+    compiler.emit("hair", *operands, parameter=parameter)
+
+
+def _strand_random(compiler: Compiler, source: Source) -> Operand:
+    """What varies the hair, if anything."""
+    socket = source.input("Random")
+    if socket is not None and isinstance(socket.follow(), Source):
+        return compiler.input(source, "Random")
+    if all(compiler.holds(source, f"Random {what}", 0.0) for what in ("Color", "Roughness")):
+        return ZERO
+    return compiler.hair_info("Random")
+
+
+def streak(compiler: Compiler, source: Source, weight: Operand) -> None:
+    """Hair BSDF."""
+    compiler.program.layers.add(STRAND)
+    operation = compiler.operations["streak"]
+    operands = (compiler.input(source, name) for name in operation.inputs[1:])
+    parameter = operation.parameter((source.node.component,)) or 0
+    compiler.emit("streak", weight, *operands, parameter=parameter)
+
+
 def metallic(compiler: Compiler, source: Source, weight: Operand) -> None:
     """Metallic BSDF: the metal of a Principled BSDF, which has the same Fresnel curve.
 
@@ -227,6 +261,8 @@ SHADERS: dict[str, Shader] = {
     "ShaderNodeBsdfAnisotropic": closure("glossy"),  # the id of Glossy since 4.0
     "ShaderNodeBsdfDiffuse": closure("diffuse"),
     "ShaderNodeBsdfGlass": closure("glass"),
+    "ShaderNodeBsdfHair": streak,
+    "ShaderNodeBsdfHairPrincipled": hair,
     "ShaderNodeBsdfMetallic": metallic,
     "ShaderNodeBsdfPrincipled": principled,
     "ShaderNodeBsdfRefraction": closure("refraction"),

@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING
 import bpy
 
 from ..nodes import LUMINANCE, Color, Constant, Source
-from .layers import ACTIVE_UV, GENERATED, VOLUME_GENERATED, layer_key
+from .layers import (
+    ACTIVE_UV,
+    GENERATED,
+    STRAND,
+    STRAND_INFO,
+    VOLUME_GENERATED,
+    layer_key,
+)
 from .program import Instruction, Operand, Operations, Program, Value
 
 if TYPE_CHECKING:
@@ -22,6 +29,9 @@ ONE: Color = (1.0, 1.0, 1.0)
 # What the types of sockets hold.
 NUMBER, COLOR, VECTOR = "number", "color", "vector"
 KINDS = {"VALUE": NUMBER, "INT": NUMBER, "BOOLEAN": NUMBER, "RGBA": COLOR}
+
+# Outputs of Hair Info that are not read off the strand's shape.
+STRAND_INFOS = ("Intercept", "Length", "Random")
 
 
 def kind_of(socket_type: str) -> str:
@@ -149,6 +159,13 @@ class Compiler:
             yield
         finally:
             self.is_inside, self.normal = before, normal
+
+    def hair_info(self, output: str) -> Value:
+        """What strands tell by this output of the Hair Info node."""
+        self.program.layers.add(STRAND_INFO if output in STRAND_INFOS else STRAND)
+        return self.emit(
+            "hair_info", parameter=self.operations["hair_info"].parameter((output,)) or 0
+        )
 
     @contextmanager
     def at(self, point: int) -> Iterator[None]:

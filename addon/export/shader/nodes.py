@@ -12,6 +12,7 @@ from ..ies import EVEN, file_text, intensity_grid
 from ..image import ImageUse, Timing
 from ..nodes import Color, Constant, Source
 from .compiler import ONE, ZERO, Compiler
+from .layers import PARTICLE
 from .program import TABLE_SIZE, Operand
 
 # Until Blender 4.5 bumps looked a pixel around, then as far as Filter Width says; Cycles' bumps by
@@ -333,10 +334,16 @@ def geometry(compiler: Compiler, source: Source) -> Operand:
 
 def wireframe(compiler: Compiler, source: Source) -> Operand:
     """The Wireframe node."""
-    if source.node.use_pixel_size:
-        compiler.missing("Pixel Size of Wireframe", "zero is used")
-        return ZERO
-    return compiler.emit("wireframe", compiler.input(source, "Size"))
+    size, unit = compiler.input(source, "Size"), str(source.node.use_pixel_size)
+    return compiler.emit_with_modes(source, "wireframe", (size,), (unit,))
+
+
+def particle_info(compiler: Compiler, source: Source) -> Operand:
+    """The Particle Info node."""
+    compiler.program.layers.add(PARTICLE)
+    if source.output.identifier == "Random":
+        compiler.missing("Random of Particle Info as in Cycles", "other random numbers are used")
+    return compiler.emit_with_modes(source, "particle_info", (), (source.output.identifier,))
 
 
 def object_info(compiler: Compiler, source: Source) -> Operand:
@@ -345,6 +352,11 @@ def object_info(compiler: Compiler, source: Source) -> Operand:
         index = float(compiler.material_index)
         return (index, index, index)
     return Rule("object_info", (OUTPUT,))(compiler, source)
+
+
+def hair_info(compiler: Compiler, source: Source) -> Operand:
+    """The Hair Info node."""
+    return compiler.hair_info(source.output.identifier)
 
 
 # Blender 5.0 changed the hash of Voronoi's cells.
@@ -367,6 +379,7 @@ NODES: dict[str, Callable[[Compiler, Source], Operand]] = {
     "ShaderNodeFloatCurve": curves,
     "ShaderNodeFresnel": Rule("fresnel"),
     "ShaderNodeGamma": Rule("gamma"),
+    "ShaderNodeHairInfo": hair_info,
     "ShaderNodeHueSaturation": Rule("hue_saturation"),
     "ShaderNodeInvert": Rule("invert"),
     "ShaderNodeLayerWeight": Rule("layer_weight", (OUTPUT,)),
@@ -383,6 +396,7 @@ NODES: dict[str, Callable[[Compiler, Source], Operand]] = {
     "ShaderNodeNormal": normal_vector,
     "ShaderNodeNormalMap": normal_map,
     "ShaderNodeObjectInfo": object_info,
+    "ShaderNodeParticleInfo": particle_info,
     "ShaderNodeRGBCurve": curves,
     "ShaderNodeRGBToBW": Rule("luminance"),
     "ShaderNodeSeparateColor": Rule("separate", ("mode", OUTPUT)),

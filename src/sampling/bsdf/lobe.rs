@@ -3,8 +3,10 @@
 use glam::Vec3A;
 
 use super::diffuse::{OrenNayar, Sheen, Translucent};
+use super::fibre::Fibre;
 use super::microfacet::{Interface, Reflection};
 use super::phase::Phase;
+use super::streak::Streak;
 use super::toon::Toon;
 use super::{Part, Scattered};
 use crate::math::Beckmann;
@@ -22,6 +24,8 @@ pub enum Model {
     Translucent(Translucent),
     Phase(Phase),
     Toon(Toon),
+    Fibre(Fibre),
+    Streak(Streak),
 }
 
 /// A closure, and what chooses it.
@@ -80,6 +84,7 @@ impl Lobe {
         match &self.model {
             Model::Interface(interface) => interface.is_transmissive(),
             Model::BeckmannInterface(interface) => interface.is_transmissive(),
+            Model::Fibre(_) => true,
             _ => self.transmitted != Vec3A::ZERO,
         }
     }
@@ -106,6 +111,8 @@ impl Lobe {
             (Model::Translucent(own), Model::Translucent(other)) => own.weight += other.weight,
             (Model::Phase(own), Model::Phase(other)) => own.weight += other.weight,
             (Model::Toon(own), Model::Toon(other)) => own.weight += other.weight,
+            (Model::Fibre(own), Model::Fibre(other)) => own.absorb(other),
+            (Model::Streak(own), Model::Streak(other)) => own.weight += other.weight,
             _ => {}
         }
     }
@@ -124,11 +131,17 @@ impl Lobe {
             Model::Translucent(t) => t.weight *= color,
             Model::Phase(p) => p.weight *= color,
             Model::Toon(t) => t.weight *= color,
+            Model::Fibre(f) => f.tint(color),
+            Model::Streak(s) => s.weight *= color,
         }
     }
 
-    /// Leaves out what counts to `part`. A lobe that is black after it must not be used.
+    /// Leaves out what counts to `part`. A lobe that is black after it must not be used. Hair stays
+    /// as it is, as in Cycles.
     pub fn remove(&mut self, part: Part) {
+        if self.is_strand() {
+            return;
+        }
         match (part, self.is_diffuse()) {
             (Part::Transmission, _) => self.transmitted = Vec3A::ZERO,
             (Part::Diffuse, true) | (Part::Glossy, false) => self.reflected = Vec3A::ZERO,
@@ -159,8 +172,20 @@ impl Lobe {
             Model::Interface(i) => i.facets = i.facets.at_least(alpha),
             Model::BeckmannReflection(r) => r.facets = r.facets.at_least(alpha),
             Model::BeckmannInterface(i) => i.facets = i.facets.at_least(alpha),
+            Model::Fibre(f) => f.widen(alpha),
             _ => {}
         }
+    }
+
+    /// Whether it is of a strand, which is round whatever its triangles say.
+    fn is_strand(&self) -> bool {
+        matches!(self.model, Model::Fibre(_) | Model::Streak(_))
+    }
+
+    /// Whether light that counts to `part` may leave to the viewer's side of the geometric surface,
+    /// or else to the other.
+    pub fn may_leave(&self, part: Part, is_above: bool) -> bool {
+        self.is_strand() || part.may_leave(is_above)
     }
 
     /// `f cos` [1/sr] and the density of [`Lobe::sample`] [1/sr], in the basis of its normal; `wo`
@@ -176,14 +201,20 @@ impl Lobe {
             Model::Translucent(t) => t.eval(wi),
             Model::Phase(p) => Some(p.eval(wo, wi)),
             Model::Toon(t) => t.eval(wo, wi),
+            Model::Fibre(f) => Some(f.eval(wo, wi)),
+            Model::Streak(s) => s.eval(wo, wi),
         }
     }
 
-    /// The part that light from `wi` counts to; none where the closure scatters nothing there.
-    pub fn part_towards(&self, wi: Vec3A) -> Option<Part> {
+    /// The part that a direction counts to which `u_choice` drew; none where the closure scatters
+    /// nothing there.
+    pub fn part_of(&self, wi: Vec3A, u_choice: f32) -> Option<Part> {
         let is_above = wi.z > 0.0;
         match (&self.model, is_above) {
             (Model::Phase(_), _) => Some(Part::Volume),
+            (Model::Streak(s), _) => Some(s.part()),
+            (Model::Fibre(f), _) if f.passes(u_choice) => Some(Part::Transmission),
+            (Model::Fibre(_), _) => Some(Part::Glossy),
             (_, true) if self.is_diffuse() => Some(Part::Diffuse),
             (Model::Translucent(_), true) => None,
             (_, true) => Some(Part::Glossy),
@@ -206,6 +237,8 @@ impl Lobe {
             Model::Translucent(_) => Some(Translucent::sample(u)),
             Model::Phase(p) => Some(p.sample(wo, u)),
             Model::Toon(t) => Some(t.sample(wo, u)),
+            Model::Fibre(f) => Some(f.sample(wo, u_choice, u)),
+            Model::Streak(s) => s.sample(wo, u),
         }
     }
 }

@@ -17,11 +17,13 @@
 
 mod diffuse;
 mod energy;
+mod fibre;
 mod fresnel;
 mod lobe;
 mod microfacet;
 mod phase;
 mod principled;
+mod streak;
 mod toon;
 
 use glam::{Quat, Vec3A};
@@ -30,6 +32,8 @@ use crate::math::warp::{pdf_cosine_hemisphere, sample_cosine_hemisphere};
 use crate::math::{Beckmann, Frame, Ggx, luminance};
 use crate::shader::Distribution;
 use diffuse::{OrenNayar, Sheen, Translucent};
+use fibre::Fibre;
+pub use fibre::Hair;
 use fresnel::{Curve, Fresnel, f0_from_ior};
 use lobe::{Lobe, Model};
 pub use microfacet::ALPHA_MIN;
@@ -37,6 +41,7 @@ use microfacet::{Glass, Interface, Reflection};
 use phase::Phase;
 pub use phase::sample_scattered;
 pub use principled::Principled;
+use streak::Streak;
 use toon::Toon;
 
 /// Closures that a surface may have beside its Lambert part: a Principled BSDF with all its layers.
@@ -423,6 +428,43 @@ impl Bsdf {
         self.add(view, Model::Toon(toon), [weight, Vec3A::ZERO]);
     }
 
+    /// Adds a Principled Hair BSDF along `tangent` (unit) where the viewer's ray meets a strand at
+    /// `across`, from -1 to 1: see [`Bsdf::viewed_across`].
+    pub fn add_hair(&mut self, weight: Vec3A, hair: &Hair, tangent: Vec3A, across: f32) {
+        let view = self.view(self.viewed_across(tangent), Some(tangent));
+        let wo = self.views[view as usize].wo;
+        let (fibre, color) = Fibre::new(weight, hair, wo, across);
+        self.add(view, Model::Fibre(fibre), [color, Vec3A::ZERO]);
+    }
+
+    /// Adds a Hair BSDF along `tangent` (unit); the weight includes its colour. `normal` is zero for
+    /// strands, which are round; `widths` are Blender's roughness along the strand and around it;
+    /// `offset` is in radians.
+    pub fn add_streak(
+        &mut self,
+        weight: Vec3A,
+        (tangent, normal): (Vec3A, Vec3A),
+        widths: [f32; 2],
+        offset: f32,
+        passes: bool,
+    ) {
+        let view = self.view(self.viewed_across(tangent), Some(tangent));
+        let normal = self.views[view as usize].frame.to_local(normal);
+        let streak = Streak::new(weight, normal, widths, offset, passes);
+        let albedos = match passes {
+            true => [Vec3A::ZERO, weight],
+            false => [weight, Vec3A::ZERO],
+        };
+        self.add(view, Model::Streak(streak), albedos);
+    }
+
+    /// The unit direction to the viewer, across `tangent` (unit): the normal that strands have.
+    fn viewed_across(&self, tangent: Vec3A) -> Vec3A {
+        let across = self.wo - self.wo.dot(tangent) * tangent;
+        let across = across.try_normalize();
+        across.unwrap_or_else(|| tangent.any_orthonormal_vector())
+    }
+
     /// Adds a medium that scatters this share to all sides. Estimates may be negative.
     pub fn add_phase(&mut self, weight: Vec3A, anisotropy: f32) {
         let view = self.view(self.geometric_normal, None);
@@ -643,7 +685,7 @@ impl Bsdf {
             let Some(scattered) = lobe.eval(self.views[view as usize].wo, wi_local) else {
                 continue;
             };
-            if scattered.part.may_leave(is_above) {
+            if lobe.may_leave(scattered.part, is_above) {
                 let is_wide = lobe.is_wide();
                 let shadow = if is_wide {
                     self.bump_shadow(lobe.view, wi)
@@ -712,8 +754,8 @@ impl Bsdf {
         let local = lobe.sample(view.wo, u_choice, u)?;
         let direction = view.frame.to_world(local);
         let is_above = direction.dot(self.geometric_normal) > 0.0;
-        let part = lobe.part_towards(local)?;
-        part.may_leave(is_above).then_some(Drawn {
+        let part = lobe.part_of(local, u_choice)?;
+        lobe.may_leave(part, is_above).then_some(Drawn {
             direction,
             part,
             alpha: lobe.alpha(),

@@ -4,7 +4,8 @@
 use glam::Vec3A;
 
 use super::super::closure::{
-    Closure, Distribution, Glass, Glossy, Principled, Subsurface, Toon, Volume,
+    Closure, Distribution, Glass, Glossy, Hair, Pigment, Principled, Streak, Subsurface, Toon,
+    Volume,
 };
 use super::super::operation::Args;
 
@@ -134,6 +135,40 @@ pub fn toon(a: &Args) -> Closure {
         smooth: float(a, 3),
         normal: vector(a, 4),
         is_glossy: a.is_on(0),
+    })
+}
+
+pub fn hair(a: &Args) -> Closure {
+    Closure::Hair(Hair {
+        weight: weight(a),
+        pigment: match a.mode(0) {
+            0 => Pigment::Absorption(vector(a, 5)),
+            1 => Pigment::Melanin {
+                amount: float(a, 2),
+                redness: float(a, 3),
+                tint: vector(a, 4),
+            },
+            _ => Pigment::Color(vector(a, 1)),
+        },
+        roughness: float(a, 6),
+        radial_roughness: float(a, 7),
+        coat: float(a, 8),
+        ior: float(a, 9),
+        offset: float(a, 10),
+        random_color: float(a, 11),
+        random_roughness: float(a, 12),
+        random: float(a, 13),
+    })
+}
+
+pub fn streak(a: &Args) -> Closure {
+    Closure::Streak(Streak {
+        weight: weight(a),
+        color: vector(a, 1),
+        offset: float(a, 2),
+        widths: [float(a, 3), float(a, 4)],
+        tangent: vector(a, 5),
+        passes: a.is_on(0),
     })
 }
 

@@ -4,6 +4,8 @@ use glam::{Vec3A, Vec4};
 
 use super::super::operation::Args;
 use super::super::point::{Point, RayInfo, RayKind, Search};
+use super::super::strand::{STRAND, STRAND_INFO, Strand};
+use super::hash;
 
 fn layer(a: &Args) -> Vec4 {
     a.point.attribute(a.parameter).unwrap_or_default()
@@ -67,6 +69,49 @@ pub fn object_info(a: &Args) -> Vec3A {
     }
 }
 
+/// Of the particle that the instance shows; zeros without one.
+pub fn particle_info(a: &Args) -> Vec3A {
+    let Some(particle) = &a.point.object.particle else {
+        return Vec3A::ZERO;
+    };
+    Vec3A::splat(match a.mode(0) {
+        0 => particle.index,
+        1 => hash_of_number(particle.index),
+        2 => particle.age,
+        3 => particle.lifetime,
+        4 => return particle.location,
+        5 => particle.size,
+        6 => return particle.velocity,
+        _ => return particle.angular_velocity,
+    })
+}
+
+/// Cycles' random number, 0 to 1, of the strand or particle of a number.
+fn hash_of_number(number: f32) -> f32 {
+    hash::words(&[number.round() as u32, 0]) as f32 / u32::MAX as f32
+}
+
+/// Of a strand; all zeros elsewhere.
+pub fn hair_info(a: &Args) -> Vec3A {
+    let p = a.point;
+    let info = || p.attribute(STRAND_INFO).unwrap_or_default();
+    let number = match a.mode(0) {
+        0 => f32::from(p.attribute(STRAND).is_some()),
+        1 => info().x,
+        2 => info().y,
+        3 => Strand::at(p).map_or(0.0, |strand| 2.0 * strand.radius),
+        4 => {
+            let across = |s: Strand| p.incoming - p.incoming.dot(s.tangent) * s.tangent;
+            return Strand::at(p).map_or(Vec3A::ZERO, |s| across(s).normalize_or_zero());
+        }
+        _ => match p.attribute(STRAND_INFO) {
+            Some(info) => hash_of_number(info.z),
+            None => 0.0,
+        },
+    };
+    Vec3A::splat(number)
+}
+
 pub fn camera_data(a: &Args) -> Vec3A {
     let v = camera_position(a.point);
     match a.mode(0) {
@@ -109,7 +154,8 @@ pub fn bevel(a: &Args) -> Vec3A {
     }
 }
 
-/// One on the edges of triangles, which are as wide as the operand says [m]: a half on each side.
+/// One on the edges of triangles, which are as wide as the operand says [m, or with the mode on
+/// pixels]: a half on each side.
 pub fn wireframe(a: &Args) -> Vec3A {
     let [e, f] = a.point.edges;
     let b = a.point.barycentric;
@@ -117,10 +163,18 @@ pub fn wireframe(a: &Args) -> Vec3A {
     let weights = [1.0 - b.element_sum(), b.x, b.y];
     let opposite = [f - e, f, e].map(Vec3A::length);
     // A corner's weight is the distance from the edge that it is not on, over its height.
-    let half = 0.5 * a.float(0);
+    let unit = if a.is_on(0) { seen_pixel(a.point) } else { 1.0 };
+    let half = 0.5 * unit * a.float(0);
     let is_near = |(weight, length): (&f32, f32)| weight.abs() * area < half * length;
     let is_on_edge = weights.iter().zip(opposite).any(is_near);
     Vec3A::splat(f32::from(is_on_edge))
+}
+
+/// Width of a pixel's footprint on the surface, as the viewer sees it [m].
+fn seen_pixel(p: &Point) -> f32 {
+    let (x, y) = p.geometric_normal.any_orthonormal_pair();
+    let seen = [x, y].map(|axis| (axis - axis.dot(p.incoming) * p.incoming).length());
+    0.5 * (seen[0] + seen[1]) * p.view.pixel_size(p.ray_length)
 }
 
 type RayQuestion = fn(&RayInfo) -> f32;
