@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable
-from typing import Any, ClassVar
+from typing import Any
 
 import bpy
 from bl_operators.presets import AddPresetBase
@@ -423,7 +423,6 @@ class LightGroupPanel:
     bl_label = "Light Group"
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
-    bl_options: ClassVar[set[str]] = {"DEFAULT_CLOSED"}
     COMPAT_ENGINES = {ENGINE}
 
     @classmethod
@@ -442,12 +441,14 @@ class DUALCONE_PT_object_lightgroup(LightGroupPanel, bpy.types.Panel):
     """Light group of a lamp or glowing thing."""
 
     bl_context = "object"
+    bl_options = {"DEFAULT_CLOSED"}
 
 
 class DUALCONE_PT_world_lightgroup(LightGroupPanel, bpy.types.Panel):
     """Light group of the world."""
 
     bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
 
 
 CLASSES = (

@@ -281,9 +281,9 @@ def test_nodes_of_lamps_become_programs() -> None:
 
 def test_unknown_nodes_of_lamps_are_named() -> None:
     add_camera()
-    add_nodes(add_light("POINT"), "ShaderNodeVolumeInfo")
+    add_nodes(add_light("POINT"), "ShaderNodePointInfo")
     (warning,) = export_now().warnings
-    assert "Volume Info in Color is not rendered yet" in warning
+    assert "Point Info in Color is not rendered yet" in warning
 
 
 def test_lamps_with_constant_nodes_need_no_program() -> None:

@@ -1,8 +1,8 @@
 """Names of the values that a mesh keeps at its corners, as nodes ask for them.
 
 A layer's name tells what it is: `uv:NAME`, `attribute:NAME`, `tangent:NAME` (along a UV map),
-`color:NAME`, `generated`, `flat`, `strand` or `strand info`; volumes keep `attribute:NAME` in grids.
-An empty NAME is the one that the mesh marks for rendering.
+`color:NAME`, `generated`, `flat`, `strand` or `strand info`; volumes keep `attribute:NAME` in
+grids. An empty NAME is the one that the mesh marks for rendering.
 """
 
 from __future__ import annotations
