@@ -110,7 +110,7 @@ fn parents_first(tree: &Bvh2) -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{kernel::wide::build_binary, math::statistics::Random};
+    use crate::{kernel::subtree::build_binary, math::statistics::Random};
     use glam::Vec3A;
     use obvhs::aabb::Aabb;
 

@@ -19,15 +19,20 @@ impl InstanceBvh {
     /// Builds the tree. `boxes` are lower and upper corners; those that are not finite, or empty
     /// (a lower corner above its upper one), are never visited.
     pub fn build(boxes: &[(Vec3A, Vec3A)]) -> Self {
-        let (ids, boxes): (Vec<u32>, Vec<Aabb>) = (0u32..)
+        let is_met = |&(lower, upper): &(Vec3A, Vec3A)| {
+            lower.is_finite() && upper.is_finite() && lower.cmple(upper).all()
+        };
+        let members: Vec<u32> = (0u32..)
             .zip(boxes)
-            .filter(|(_, (lower, upper))| {
-                lower.is_finite() && upper.is_finite() && lower.cmple(*upper).all()
-            })
-            .map(|(id, &(lower, upper))| (id, Aabb::new(lower, upper)))
-            .unzip();
-        let tree = (!boxes.is_empty())
-            .then(|| WideTree::build(&boxes, 1, |members| ids[members[0] as usize]));
+            .filter(|(_, bounds)| is_met(bounds))
+            .map(|(id, _)| id)
+            .collect();
+        let boxes: Vec<Aabb> = boxes.iter().map(|&(l, u)| Aabb::new(l, u)).collect();
+        let tree = (!members.is_empty()).then(|| {
+            let (mut tree, leaves) = WideTree::build(&boxes, members, 1);
+            tree.renumber(|leaf| leaves[leaf as usize][0]);
+            tree
+        });
         Self { tree }
     }
 

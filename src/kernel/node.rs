@@ -6,6 +6,11 @@ use obvhs::aabb::Aabb;
 /// Children of a node.
 pub const WIDTH: usize = 8;
 
+/// Set in a child that is a leaf; the other bits are its index.
+pub const LEAF: u32 = 1 << 31;
+/// A slot without a child.
+pub const NO_CHILD: u32 = u32::MAX;
+
 /// Eight children: their boxes, and what they are.
 #[derive(Debug, Clone)]
 pub struct Node {
@@ -51,5 +56,16 @@ impl Boxes {
             Vec3A::new(lower(0), lower(1), lower(2)),
             Vec3A::new(upper(0), upper(1), upper(2)),
         )
+    }
+}
+
+/// Gives nodes and leaves below `nodes` other numbers; `leaf` returns a child of any kind.
+pub fn rename(nodes: &mut [Node], node: impl Fn(u32) -> u32, leaf: impl Fn(u32) -> u32) {
+    for child in nodes.iter_mut().flat_map(|node| &mut node.children) {
+        *child = match *child {
+            NO_CHILD => NO_CHILD,
+            own if own & LEAF != 0 => leaf(own & !LEAF),
+            own => node(own),
+        };
     }
 }

@@ -10,12 +10,13 @@ use super::{
     shear::{Shear, exact_edges},
     slabs::Slabs,
     stack::{Room, SLOT, key},
+    subtree::LEAF_SIZE,
 };
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 
 /// Triangles of a leaf.
-pub const LEAF_TRIANGLES: usize = 4;
+pub const LEAF_TRIANGLES: usize = LEAF_SIZE;
 
 /// Four triangles, `vertices[vertex][axis][lane]`. An unused lane is NaN, and no ray meets it.
 #[derive(Debug, Clone)]

@@ -4,6 +4,7 @@
 use super::{
     InstanceBvh, Positions, TriangleBvh, TriangleHit,
     node::{Boxes, Node, WIDTH},
+    parts::PART,
     shear::{Shear, exact_edges},
     simd::{Job, LEAF_TRIANGLES, Lanes, Portable, run_widest},
     slabs::Slabs,
@@ -641,4 +642,33 @@ fn moving_triangles_have_the_hits_of_the_twin_at_every_time() {
         hits += usize::from(frozen.brute_force(&ray).is_some());
     }
     assert!(hits > 500, "{hits}");
+}
+
+#[test]
+fn trees_of_many_parts_are_the_same_for_any_number_of_threads() {
+    let mut random = Random::new(21);
+    let mesh = Mesh::soup(5 * PART, 1.0, 0.02, &mut random);
+    let bent: Vec<Vec3> = mesh.positions.iter().map(|p| *p * 1.01).collect();
+    let built_by = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        pool.build().unwrap().install(|| {
+            let built = mesh.build();
+            let refitted = built.refitted(Positions::still(&bent), &mesh.triangles);
+            (built, refitted)
+        })
+    };
+    let (built, refitted) = built_by(1);
+    assert_tree_twins(&built, &mesh, &rays(&mesh, 2.0, 60, &mut random));
+    let bent = Mesh {
+        positions: bent.clone(),
+        triangles: mesh.triangles.clone(),
+    };
+    let rays = rays(&bent, 2.0, 60, &mut random);
+    assert_tree_twins(&refitted, &bent, &rays);
+    // All of both, to the last bit: NaN of empty lanes is printed like any number.
+    let one = format!("{built:?} {refitted:?}");
+    for threads in [2, 5] {
+        let (built, refitted) = built_by(threads);
+        assert!(one == format!("{built:?} {refitted:?}"), "{threads}");
+    }
 }

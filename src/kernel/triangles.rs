@@ -4,11 +4,13 @@ use super::{
     pages,
     shear::Shear,
     simd::{Job, LEAF_TRIANGLES, Lanes, Meetings, Packet, bits, run_widest},
+    subtree::Leaf,
     wide::{Walk, WideTree},
 };
 use crate::math::Ray;
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
+use rayon::prelude::*;
 
 /// Where a ray meets a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -101,29 +103,25 @@ impl TriangleBvh {
     /// Builds the tree. `triangles` index `positions`. Triangles without area and triangles with
     /// a vertex that is not finite are never hit.
     pub fn build(positions: Positions, triangles: &[[u32; 3]]) -> Self {
-        let corners = |id: u32| triangles[id as usize];
-        let (ids, boxes): (Vec<u32>, Vec<Aabb>) = (0..triangles.len() as u32)
-            .filter(|&id| positions.has_area(corners(id)))
-            .map(|id| (id, positions.bounds(corners(id))))
-            .unzip();
-        let mut leaves: Vec<[u32; LEAF_TRIANGLES]> = Vec::with_capacity(ids.len().div_ceil(2));
-        let tree = (!boxes.is_empty()).then(|| {
-            WideTree::build(&boxes, LEAF_TRIANGLES, |members| {
-                let mut leaf = [u32::MAX; LEAF_TRIANGLES];
-                for (lane, &member) in leaf.iter_mut().zip(members) {
-                    *lane = ids[member as usize];
-                }
-                leaves.push(leaf);
-                leaves.len() as u32 - 1
-            })
-        });
-        let (packets, ends) = packets(&leaves, &positions, triangles);
+        let bounds = |&triangle: &[u32; 3]| match positions.has_area(triangle) {
+            true => positions.bounds(triangle),
+            false => Aabb::INVALID,
+        };
+        let boxes: Vec<Aabb> = in_pieces(triangles).map(bounds).collect();
+        let is_met = |&id: &u32| boxes[id as usize].valid();
+        let members: Vec<u32> = (0..boxes.len() as u32).filter(is_met).collect();
+        let count = members.len();
+        let built = (count > 0).then(|| WideTree::build(&boxes, members, LEAF_TRIANGLES));
+        drop(boxes);
+        let (tree, leaves) = built.unzip();
+        let leaves = leaves.unwrap_or_default();
+        let (packets, ends) = packets(in_pieces(&leaves).copied(), &positions, triangles);
         Self {
             cost: tree.as_ref().map_or(0.0, WideTree::cost),
             tree,
             packets,
             ends,
-            members: ids.len(),
+            members: count,
         }
     }
 
@@ -136,8 +134,8 @@ impl TriangleBvh {
     }
 
     fn try_refit(&self, positions: Positions, triangles: &[[u32; 3]]) -> Option<Self> {
-        let leaves: Vec<_> = self.packets.iter().map(|packet| packet.ids).collect();
-        let (packets, ends) = packets(&leaves, &positions, triangles);
+        let leaves = in_pieces(&self.packets).map(|packet| packet.ids);
+        let (packets, ends) = packets(leaves, &positions, triangles);
         let mut tree = self.tree.clone()?;
         tree.refit(|leaf| {
             let leaf = leaf as usize;
@@ -322,32 +320,35 @@ fn hits<'a>(
     })
 }
 
+/// Items for several threads, if they are many.
+fn in_pieces<T: Sync>(items: &[T]) -> impl IndexedParallelIterator<Item = &T> + Clone {
+    items.par_iter().with_min_len(4096)
+}
+
 /// The packets of the leaves' triangles at the start of their motion and, if they move, at its end.
 /// Lanes of triangles that can never be hit are NaN.
 fn packets(
-    leaves: &[[u32; LEAF_TRIANGLES]],
+    leaves: impl IndexedParallelIterator<Item = Leaf> + Clone,
     positions: &Positions,
     triangles: &[[u32; 3]],
 ) -> (Vec<Packet>, Vec<Packet>) {
-    let room = |is_needed: bool| pages::with_capacity(if is_needed { leaves.len() } else { 0 });
-    let (mut starts, mut ends) = (room(true), room(positions.end.is_some()));
-    for leaf in leaves {
-        let (mut start, mut end) = (Packet::EMPTY, Packet::EMPTY);
-        for (lane, &id) in leaf.iter().enumerate().filter(|(_, id)| **id != u32::MAX) {
-            let triangle = triangles[id as usize];
-            let has_area = positions.has_area(triangle);
-            let place = |corners| if has_area { corners } else { [Vec3::NAN; 3] };
-            start.set(lane, id, place(positions.corners(triangle)));
-            if let Some(corners) = positions.end_corners(triangle) {
-                end.set(lane, id, place(corners));
+    let of = |vertices: &[Vec3]| {
+        let mut packets = pages::with_capacity(leaves.len());
+        packets.par_extend(leaves.clone().map(|leaf| {
+            let mut packet = Packet::EMPTY;
+            for (lane, &id) in leaf.iter().enumerate().filter(|(_, id)| **id != u32::MAX) {
+                let triangle = triangles[id as usize];
+                let corners = match positions.has_area(triangle) {
+                    true => triangle.map(|v| vertices[v as usize]),
+                    false => [Vec3::NAN; 3],
+                };
+                packet.set(lane, id, corners);
             }
-        }
-        starts.push(start);
-        if positions.end.is_some() {
-            ends.push(end);
-        }
-    }
-    (starts, ends)
+            packet
+        }));
+        packets
+    };
+    (of(positions.start), positions.end.map_or_else(Vec::new, of))
 }
 
 /// False also where a coordinate is not finite. In double precision, for meshes of any size.

@@ -1,75 +1,91 @@
-//! The 8-wide tree: how it is made from obvhs's binary one, and the walks through it.
+//! The 8-wide tree: how it is joined of its parts and fitted to what has moved, and the walks through it.
 
 use super::{
-    collapse::Collapse,
-    node::{Boxes, Node, WIDTH},
+    node::{LEAF, NO_CHILD, Node, WIDTH, rename},
     pages,
+    parts::divide,
     simd::{Lanes, prefetch},
     slabs::Slabs,
     stack::{Stack, key},
+    subtree::{Leaf, Subtree},
 };
 use crate::math::Ray;
 use glam::Vec3A;
-use obvhs::{
-    aabb::Aabb,
-    bvh2::{Bvh2, leaf_collapser, reinsertion::ReinsertionOptimizer},
-    ploc::{PlocBuilder, PlocSearchDistance, SortPrecision},
-};
+use obvhs::aabb::Aabb;
+use rayon::prelude::*;
+use std::collections::HashMap;
 use std::marker::PhantomData;
-
-/// Set in a child that is a leaf; the other bits are its index.
-const LEAF: u32 = 1 << 31;
-/// A slot without a child.
-const NO_CHILD: u32 = u32::MAX;
 
 /// A tree over boxes. What its leaves hold is its owner's business.
 #[derive(Debug, Clone)]
 pub struct WideTree {
+    /// Parents before their children: first those above the parts, then one part after the other.
     nodes: Vec<Node>,
+    /// Root of each part. The first is the root of all where it is the only one.
+    parts: Vec<u32>,
     bounds: (Vec3A, Vec3A),
 }
 
 impl WideTree {
-    /// A tree over `boxes` (finite, not inverted, at least one). `new_leaf` is called with the
-    /// box numbers of each leaf, at most `leaf_size` of them, and returns the leaf's index.
-    pub fn build(
-        boxes: &[Aabb],
-        leaf_size: usize,
-        mut new_leaf: impl FnMut(&[u32]) -> u32,
-    ) -> Self {
-        let binary = build_binary(boxes, leaf_size);
-        let collapse = Collapse::new(&binary);
-        let mut nodes = pages::with_capacity(binary.nodes.len() / 3 + 1);
-        // Depth first, so that a subtree is one stretch of memory.
-        let mut todo = vec![(0, None)];
-        while let Some((root, parent)) = todo.pop() {
-            let index = nodes.len();
-            if let Some((parent, slot)) = parent {
-                let parent: &mut Node = &mut nodes[parent];
-                parent.children[slot] = index as u32;
-            }
-            let mut node = Node {
-                boxes: Boxes::EMPTY,
-                children: [NO_CHILD; WIDTH],
-            };
-            for (slot, &child) in collapse.children(root).iter().enumerate() {
-                let source = &binary.nodes[child as usize];
-                node.boxes.set(slot, source.aabb());
-                if source.is_leaf() {
-                    let first = source.first_index as usize;
-                    let members = first..first + source.prim_count as usize;
-                    node.children[slot] = LEAF | new_leaf(&binary.primitive_indices[members]);
-                } else {
-                    todo.push((child, Some((index, slot))));
-                }
-            }
-            nodes.push(node);
+    /// A tree over those of the `boxes` (finite, not inverted) that are `members` (at least one), and
+    /// what its leaves hold: `leaf_size` of them at most.
+    pub fn build(boxes: &[Aabb], mut members: Vec<u32>, leaf_size: usize) -> (Self, Vec<Leaf>) {
+        let parts = divide(boxes, &mut members);
+        let build = |part: &&mut [u32]| Subtree::build(boxes, part, leaf_size);
+        let subtrees: Vec<Subtree> = parts.par_iter().map(build).collect();
+        drop(members);
+        Self::joined(subtrees)
+    }
+
+    /// One tree above others.
+    fn joined(subtrees: Vec<Subtree>) -> (Self, Vec<Leaf>) {
+        let roots: Vec<Aabb> = subtrees.iter().map(|subtree| subtree.bounds).collect();
+        let numbers: Vec<u32> = (0..roots.len() as u32).collect();
+        let above = (roots.len() > 1).then(|| Subtree::build(&roots, &numbers, 1));
+        let mut count = above.as_ref().map_or(0, |above| above.nodes.len());
+        let mut parts = Vec::with_capacity(roots.len());
+        for subtree in &subtrees {
+            parts.push(count as u32);
+            count += subtree.nodes.len();
         }
-        let root = binary.nodes[0].aabb();
-        Self {
-            nodes,
-            bounds: (root.min, root.max),
+        let mut nodes = pages::with_capacity(count);
+        let mut leaves: Vec<Leaf> =
+            Vec::with_capacity(subtrees.iter().map(|s| s.leaves.len()).sum());
+        if let Some(mut above) = above {
+            rename(
+                &mut above.nodes,
+                |node| node,
+                |leaf| parts[above.leaves[leaf as usize][0] as usize],
+            );
+            nodes.append(&mut above.nodes);
         }
+        for (mut subtree, first) in subtrees.into_iter().zip(&parts) {
+            let first_leaf = leaves.len() as u32;
+            rename(
+                &mut subtree.nodes,
+                |node| first + node,
+                |leaf| LEAF | (first_leaf + leaf),
+            );
+            nodes.append(&mut subtree.nodes);
+            leaves.append(&mut subtree.leaves);
+        }
+        let bounds = roots
+            .iter()
+            .fold(Aabb::INVALID, |all, root| all.union(root));
+        let bounds = (bounds.min, bounds.max);
+        (
+            Self {
+                nodes,
+                parts,
+                bounds,
+            },
+            leaves,
+        )
+    }
+
+    /// Gives the leaves other numbers.
+    pub fn renumber(&mut self, number: impl Fn(u32) -> u32) {
+        rename(&mut self.nodes, |node| node, |leaf| LEAF | number(leaf));
     }
 
     /// Lower and upper corner.
@@ -82,18 +98,22 @@ impl WideTree {
     }
 
     /// Fits all boxes to leaves that have moved. The shape of the tree stays.
-    pub fn refit(&mut self, leaf_box: impl Fn(u32) -> Aabb) {
-        // Parents come before their children.
-        for index in (0..self.nodes.len()).rev() {
-            for slot in 0..WIDTH {
-                let bounds = match self.nodes[index].children[slot] {
-                    NO_CHILD => continue,
-                    leaf if leaf & LEAF != 0 => leaf_box(leaf & !LEAF),
-                    inner => self.nodes[inner as usize].boxes.union(),
-                };
-                self.nodes[index].boxes.set(slot, &bounds);
-            }
+    pub fn refit(&mut self, leaf_box: impl Fn(u32) -> Aabb + Sync) {
+        let (above, mut rest) = self.nodes.split_at_mut(self.parts[0] as usize);
+        let mut parts = Vec::with_capacity(self.parts.len());
+        let ends = self.parts[1..].iter().copied();
+        for (&first, end) in self.parts.iter().zip(ends.chain([u32::MAX])) {
+            let length = rest.len().min((end - first) as usize);
+            let (part, others) = rest.split_at_mut(length);
+            parts.push((first, part));
+            rest = others;
         }
+        let refit = |(first, part): &mut (u32, &mut [Node])| {
+            fit(part, *first, |child| leaf_box(child & !LEAF));
+            (*first, part[0].boxes.union())
+        };
+        let roots: HashMap<u32, Aabb> = parts.par_iter_mut().map(refit).collect();
+        fit(above, 0, |root| roots[&root]);
         let root = self.nodes[0].boxes.union();
         self.bounds = (root.min, root.max);
     }
@@ -195,26 +215,18 @@ impl<'a, L: Lanes, T> Walk<'a, L, T> {
     }
 }
 
-/// obvhs's tree by its parts (its own convenience function also validates in debug builds, which
-/// takes longer than building): locally ordered clustering, reinsertion, and leaves by cost.
-pub fn build_binary(boxes: &[Aabb], leaf_size: usize) -> Bvh2 {
-    /// Share of the nodes that are tried in a better place; more gains little.
-    const REINSERTED: f32 = 0.05;
-    /// Cost of a node in triangle tests. A leaf tests its triangles at once, so larger than
-    /// obvhs's default.
-    const NODE_COST: f32 = 3.0;
-    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
-        PlocSearchDistance::Medium,
-        boxes,
-        (0..boxes.len() as u32).collect(),
-        SortPrecision::U64,
-        3,
-    );
-    let mut optimizer = ReinsertionOptimizer::default();
-    optimizer.run(&mut tree, REINSERTED, None);
-    if leaf_size > 1 {
-        leaf_collapser::collapse(&mut tree, leaf_size as u32, NODE_COST);
-        optimizer.run(&mut tree, 2.0 * REINSERTED, None);
+/// Fits the boxes of a subtree's nodes, numbered from `first`, to those of children that are `outside`
+/// of it.
+fn fit(nodes: &mut [Node], first: u32, outside: impl Fn(u32) -> Aabb) {
+    for index in (0..nodes.len()).rev() {
+        for slot in 0..WIDTH {
+            let child = nodes[index].children[slot];
+            if child == NO_CHILD {
+                continue;
+            }
+            let inside = nodes.get(child.wrapping_sub(first) as usize);
+            let bounds = inside.map_or_else(|| outside(child), |node| node.boxes.union());
+            nodes[index].boxes.set(slot, &bounds);
+        }
     }
-    tree
 }
