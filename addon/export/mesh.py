@@ -148,13 +148,14 @@ def triangle_arrays(mesh: bpy.types.Mesh, faces: Faces) -> dict[str, np.ndarray]
     mesh.loop_triangles.foreach_get("loops", corners.reshape(-1))
     polygons = np.empty(count, np.int32)
     mesh.loop_triangle_polygons.foreach_get("value", polygons)
+    rows = corners.astype(np.intp)  # else each `take` would make its own
 
     def of_corners(values: np.ndarray) -> np.ndarray:
-        return values.take(corners, axis=0)  # twice as fast as an index
+        return values.take(rows, axis=0)  # twice as fast as an index
 
     return {
         "vertices": faces.positions,
-        "triangles": faces.corner_vertices[corners].astype(np.uint32),
+        "triangles": of_corners(faces.corner_vertices).view(np.uint32),
         "corner_normals": of_corners(faces.corner_normals),
         "corner_uvs": (
             of_corners(faces.corner_uvs)
@@ -165,7 +166,7 @@ def triangle_arrays(mesh: bpy.types.Mesh, faces: Faces) -> dict[str, np.ndarray]
         "layer_values": np.array(
             [of_corners(values) for values in faces.layers.values()], np.float32
         ).reshape(-1, count, 3, 4),
-        "material_slots": faces.face_materials[polygons].astype(np.uint32),
+        "material_slots": faces.face_materials.take(polygons).view(np.uint32),
     }
 
 

@@ -1,4 +1,4 @@
-//! Memory in large pages: trees are read in no order, and where pages are small, looking up which one
+//! Memory in large pages: trees and meshes are read in no order, and where pages are small, looking up which one
 //! an address is in takes longer than reading it.
 
 /// An empty vector with room for so many, on large pages where the system gives them.
@@ -19,6 +19,8 @@ mod linux {
 
     /// `MADV_HUGEPAGE` of Linux.
     const HUGE_PAGE: c_int = 14;
+    /// The usual size of large pages: less is no use.
+    const LARGE_PAGE: usize = 1 << 21;
     /// The usual size of small pages; where they are larger, the system refuses.
     const PAGE: usize = 4096;
 
@@ -26,7 +28,7 @@ mod linux {
         let start = vector.as_ptr() as usize;
         let end = start + vector.capacity() * size_of::<T>();
         let (start, end) = (start.next_multiple_of(PAGE), end & !(PAGE - 1));
-        if start < end {
+        if start + LARGE_PAGE <= end {
             // SAFETY: advice about whole pages of the vector's own memory, which keep what they hold.
             // That it may be refused is of no account.
             unsafe { madvise(start as *mut c_void, end - start, HUGE_PAGE) };

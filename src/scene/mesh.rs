@@ -3,12 +3,13 @@
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use glam::{Mat3A, Vec2, Vec3, Vec3A, Vec4};
+use rayon::prelude::*;
 
 use super::motion::step_at;
 use super::{Content, Grid};
 use crate::contract::{Arrays, CONTENT, Given, MESH, MESH_MOTION};
 use crate::error::{Error, Result};
-use crate::kernel::{Positions, TriangleBvh};
+use crate::kernel::{Positions, TriangleBvh, pages};
 use crate::shader::{FLAT, UNDISPLACED};
 
 /// A triangle mesh and, once something has been traced against it, its trees.
@@ -55,7 +56,8 @@ impl Mesh {
     pub fn new(given: Vec<Given>) -> Result<Self> {
         let arrays = Arrays::checked(MESH, given)?;
         let vertices: Vec<Vec3> = vec3s(arrays.f32s("vertices"));
-        let triangles: Vec<[u32; 3]> = arrays.u32s("triangles").as_chunks::<3>().0.to_vec();
+        let mut triangles = pages::with_capacity(arrays.u32s("triangles").len() / 3);
+        triangles.extend_from_slice(arrays.u32s("triangles").as_chunks::<3>().0);
         for (row, triangle) in triangles.iter().enumerate() {
             if let Some(&index) = triangle.iter().find(|&&v| v as usize >= vertices.len()) {
                 return Err(Error::Index {
@@ -372,26 +374,30 @@ fn layers(arrays: &Arrays, triangles: usize) -> Vec<Layer> {
 }
 
 fn vec3s(numbers: &[f32]) -> Vec<Vec3> {
-    let rows = numbers.as_chunks::<3>().0.iter();
-    rows.map(|&v| Vec3::from(v)).collect()
+    let mut vectors = pages::with_capacity(numbers.len() / 3);
+    vectors.extend(numbers.as_chunks::<3>().0.iter().map(|&v| Vec3::from(v)));
+    vectors
 }
 
 /// What triangles have beside their vertices; a normal of zero is replaced by the triangle's own.
 fn faces(arrays: &Arrays, triangles: &[[u32; 3]], vertices: &[Vec3]) -> Vec<Face> {
-    let normals = vec3s(arrays.f32s("corner_normals"));
+    let normals = arrays.f32s("corner_normals").as_chunks::<9>().0;
     let uvs = arrays.f32s("corner_uvs").as_chunks::<6>().0;
-    let corners = normals.as_chunks::<3>().0.iter().zip(uvs);
-    let rows = corners.zip(arrays.u32s("material_slots")).zip(triangles);
-    rows.map(|(((normals, uvs), &slot), triangle)| {
-        let [a, b, c] = triangle.map(|v| vertices[v as usize]);
+    let slots = arrays.u32s("material_slots");
+    let face = |row: usize| {
+        let [a, b, c] = triangles[row].map(|v| vertices[v as usize]);
         let own = (b - a).cross(c - a).normalize_or(Vec3::Z);
+        let normal = |i: usize| Vec3::from_slice(&normals[row][i..]).normalize_or(own);
         Face {
-            normals: normals.map(|normal| normal.normalize_or(own)),
-            uvs: [0, 2, 4].map(|i| Vec2::new(uvs[i], uvs[i + 1])),
-            slot,
+            normals: [0, 3, 6].map(normal),
+            uvs: [0, 2, 4].map(|i| Vec2::new(uvs[row][i], uvs[row][i + 1])),
+            slot: slots[row],
         }
-    })
-    .collect()
+    };
+    let mut faces = pages::with_capacity(triangles.len());
+    let rows = (0..triangles.len()).into_par_iter();
+    faces.par_extend(rows.with_min_len(4096).map(face));
+    faces
 }
 
 #[cfg(test)]
