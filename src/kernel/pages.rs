@@ -19,8 +19,6 @@ mod linux {
 
     /// `MADV_HUGEPAGE` of Linux.
     const HUGE_PAGE: c_int = 14;
-    /// The usual size of large pages: less is no use.
-    const LARGE_PAGE: usize = 1 << 21;
     /// The usual size of small pages; where they are larger, the system refuses.
     const PAGE: usize = 4096;
 
@@ -28,7 +26,7 @@ mod linux {
         let start = vector.as_ptr() as usize;
         let end = start + vector.capacity() * size_of::<T>();
         let (start, end) = (start.next_multiple_of(PAGE), end & !(PAGE - 1));
-        if start + LARGE_PAGE <= end {
+        if start < end {
             // SAFETY: advice about whole pages of the vector's own memory, which keep what they hold.
             // That it may be refused is of no account.
             unsafe { madvise(start as *mut c_void, end - start, HUGE_PAGE) };

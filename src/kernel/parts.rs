@@ -2,10 +2,15 @@
 //! built side by side, their trees fit into the processor's cache while they are made, and what is
 //! needed in between takes little memory. Small ones are one part.
 
+use super::node::WIDTH;
 use obvhs::aabb::Aabb;
 
 /// Boxes of a part at most. Larger parts take longer to build and gain nothing for rays.
-pub const PART: usize = 1 << 13;
+const PART: usize = 1 << 13;
+
+/// Boxes of a set that is not divided: above fewer parts than a node has children there would be a
+/// node more on the way of each ray.
+pub const UNDIVIDED: usize = WIDTH * PART;
 
 /// Planes between which a set may be divided, along its widest axis, and one.
 const BINS: usize = 32;
@@ -13,12 +18,19 @@ const BINS: usize = 32;
 /// Reorders `members`, numbers of boxes, so that each part is one stretch of them. The parts do not
 /// depend on the number of threads.
 pub fn divide<'a>(boxes: &[Aabb], members: &'a mut [u32]) -> Vec<&'a mut [u32]> {
+    if members.len() <= UNDIVIDED {
+        return vec![members];
+    }
+    divided(boxes, members)
+}
+
+fn divided<'a>(boxes: &[Aabb], members: &'a mut [u32]) -> Vec<&'a mut [u32]> {
     if members.len() <= PART {
         return vec![members];
     }
     let middle = split(boxes, members);
     let (first, second) = members.split_at_mut(middle);
-    let (mut parts, others) = rayon::join(|| divide(boxes, first), || divide(boxes, second));
+    let (mut parts, others) = rayon::join(|| divided(boxes, first), || divided(boxes, second));
     parts.extend(others);
     parts
 }
@@ -115,7 +127,7 @@ mod tests {
 
     fn boxes(place: impl Fn(usize) -> Vec3A) -> Vec<Aabb> {
         let around = |at: Vec3A| Aabb::new(at - 0.1, at + 0.1);
-        (0..5 * PART).map(|i| around(place(i))).collect()
+        (0..10 * PART).map(|i| around(place(i))).collect()
     }
 
     #[test]
@@ -143,7 +155,7 @@ mod tests {
         let boxes = boxes(two_heaps);
         let mut members: Vec<u32> = (0..boxes.len() as u32).collect();
         let count = split(&boxes, &mut members);
-        assert_eq!(count, 4 * PART);
+        assert_eq!(count, 8 * PART);
         assert!(members[..count].iter().all(|&m| m % 5 != 0));
     }
 }

@@ -4,7 +4,7 @@
 use super::{
     InstanceBvh, Positions, TriangleBvh, TriangleHit,
     node::{Boxes, Node, WIDTH},
-    parts::PART,
+    parts::UNDIVIDED,
     shear::{Shear, exact_edges},
     simd::{Job, LEAF_TRIANGLES, Lanes, Portable, run_widest},
     slabs::Slabs,
@@ -647,7 +647,7 @@ fn moving_triangles_have_the_hits_of_the_twin_at_every_time() {
 #[test]
 fn trees_of_many_parts_are_the_same_for_any_number_of_threads() {
     let mut random = Random::new(21);
-    let mesh = Mesh::soup(5 * PART, 1.0, 0.02, &mut random);
+    let mesh = Mesh::soup(UNDIVIDED + 1000, 1.0, 0.02, &mut random);
     let bent: Vec<Vec3> = mesh.positions.iter().map(|p| *p * 1.01).collect();
     let built_by = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);

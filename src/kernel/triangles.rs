@@ -96,7 +96,7 @@ impl<'a> Positions<'a> {
 }
 
 /// A refitted tree that costs more than this factor of what it did is built anew. Rebuilding takes
-/// some 30 times as long as refitting, and pays where each triangle is met by many rays.
+/// two or three times as long as refitting, and pays where each triangle is met by many rays.
 const COST_GROWTH: f32 = 1.5;
 
 impl TriangleBvh {
@@ -126,7 +126,7 @@ impl TriangleBvh {
     }
 
     /// The tree after the vertices have moved to `positions`, for the `triangles` it was built
-    /// from. Fits the boxes of this one anew, which is much faster than building, unless it would
+    /// from. Fits the boxes of this one anew, which is faster than building, unless it would
     /// become a bad tree or lack triangles that had no area before: then it builds.
     pub fn refitted(&self, positions: Positions, triangles: &[[u32; 3]]) -> Self {
         self.try_refit(positions, triangles)

@@ -262,7 +262,7 @@ impl Mesh {
     }
 
     /// The trees, fitted to this mesh from those of `earlier` if the vertices have only moved since:
-    /// that takes a thirtieth of the time, and no hit depends on the shape of a tree.
+    /// that takes less than half of the time, and no hit depends on the shape of a tree.
     pub fn bvhs_after(&self, earlier: Option<&Self>) -> &[TriangleBvh] {
         self.bvhs.get().unwrap_or_else(|| {
             let fits = |earlier: &&Self| earlier.triangles == self.triangles;
