@@ -141,6 +141,7 @@ def figure(model: Path, hdri: Path) -> None:
     bpy.ops.import_scene.gltf(filepath=str(model))
     bpy.data.objects.remove(bpy.data.objects["Icosphere"])  # the importer's bone shape
     use_paints()
+    forget_normals()
     armature = next(o for o in bpy.data.objects if o.type == "ARMATURE")
     loop_action(armature, next(a for a in bpy.data.actions if a.name.startswith("run_")))
     way = -RUN_METRES_PER_FRAME * (FIGURE_FRAMES - 1)
@@ -172,6 +173,14 @@ def use_paints() -> None:
     for old in [m for m in bpy.data.materials if m.name.endswith("_COLOR_0")]:
         old.user_remap(paints[old.name.split("_")[0]])
         bpy.data.materials.remove(old)
+
+
+def forget_normals() -> None:
+    """The file's normals stand at right angles to where its faces look; Blender's own do not."""
+    for thing in (o for o in bpy.data.objects if o.type == "MESH"):
+        bpy.context.view_layer.objects.active = thing
+        bpy.ops.mesh.customdata_custom_splitnormals_clear()
+        thing.data.shade_smooth()
 
 
 def loop_action(armature: Object, action: bpy.types.Action) -> None:
