@@ -239,6 +239,7 @@ mod tests {
             info: crate::shader::ObjectInfo::default(),
             materials: vec![],
             visibility: Visibility::ALL,
+            lift_cosine: 0.0,
             is_holdout: false,
             is_catcher: false,
             membership: crate::scene::Membership::ALL,

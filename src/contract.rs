@@ -234,6 +234,14 @@ pub const FRAME: &[ArraySpec] = &[
         "Of each: number in its system, frames since birth, lifetime, size, location, velocity, angular velocity.",
     ),
     array(
+        "instance_lift_cosine",
+        F32,
+        &["I"],
+        "1",
+        "Where light meets a smooth surface at a lower cosine, shadows are those of its smooth form and \
+         not of its flat faces; 0 for never.",
+    ),
+    array(
         "instance_slots",
         U32,
         &["I", "2"],

@@ -993,8 +993,7 @@ impl<'a> Tracer<'a> {
                 });
             // A light that reaches around the horizon is found from both sides: each counts for its
             // own directions.
-            let is_on_side =
-                |light: &LightSample| side * light.direction.dot(surface.geometric_normal) > 0.0;
+            let is_on_side = |light: &LightSample| side * light.direction.dot(surface.normal) > 0.0;
             for light in lights.into_iter().flatten().filter(is_on_side) {
                 emit(&light, self.lit_by(&light, surface, from, sampler, &pdfs));
             }
@@ -1060,8 +1059,8 @@ impl<'a> Tracer<'a> {
         if !light.reach.visibility.includes(RayKind::Shadow) {
             return Vec3A::ONE;
         }
-        let mut ray = surface.ray_towards(light.direction);
-        ray.t_max = light.distance * SHADOW_END;
+        let mut ray = surface.ray_to_light(self.frame, light.direction, light.distance);
+        ray.t_max *= SHADOW_END;
         self.lit_share(&ray, from, light.reach.links, sampler)
     }
 }

@@ -64,6 +64,54 @@ impl Surface {
         Ray::new(origin, direction).at_time(self.time)
     }
 
+    /// A ray to a light that lies `distance` [m] away in a direction. It starts on the smooth form of the
+    /// surface, more so the lower the light stands, as in Cycles.
+    pub fn ray_to_light(&self, frame: &SceneFrame, direction: Vec3A, distance: f32) -> Ray {
+        let off = self.ray_towards(direction);
+        let side = match self.normal.dot(direction) < 0.0 {
+            true => -1.0,
+            false => 1.0,
+        };
+        let amount = self.lift_amount(frame, side * direction);
+        if amount <= 0.0 {
+            return Ray {
+                t_max: distance,
+                ..off
+            };
+        }
+        let facet = Facet::new(frame, self.hit.instance, self.hit.triangle, self.time);
+        let side = side * self.geometric_normal;
+        let lift = amount * facet.lift(Vec2::new(self.hit.u, self.hit.v), side);
+        // Above the triangle, also where the light is below it: it may pass by its edge.
+        let origin = offset_origin(self.position + self.clearance * side + lift, side);
+        if distance.is_infinite() {
+            return Ray { origin, ..off };
+        }
+        let way = self.position + distance * direction - origin;
+        let t_max = way.length();
+        let ray = Ray::new(origin, way / t_max).at_time(self.time);
+        Ray { t_max, ..ray }
+    }
+
+    /// How much of the way to the smooth form, for light on this side of it: all of it at the horizon,
+    /// none where both normals are far enough from it.
+    fn lift_amount(&self, frame: &SceneFrame, direction: Vec3A) -> f32 {
+        if self.is_medium || self.strand.is_some() {
+            return 0.0;
+        }
+        let cutoff = frame.instances[self.hit.instance as usize].lift_cosine;
+        if cutoff <= 0.0 {
+            return 0.0;
+        }
+        let smooth = self.normal.dot(direction);
+        let flat = self.geometric_normal.dot(direction);
+        let amount = match smooth < cutoff {
+            true => 2.0 - (flat + smooth) / cutoff,
+            false => 1.0 - flat / cutoff,
+        };
+        amount.clamp(0.0, 1.0)
+    }
+
     /// A ray that starts on the surface itself and does not meet it at once: below it, a mean free
     /// path may be no longer than what keeps other rays off it.
     pub fn ray_into(&self, direction: Vec3A) -> Ray {

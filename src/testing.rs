@@ -56,6 +56,7 @@ impl Scene {
             info: ObjectInfo::default(),
             materials: vec![self.materials.len() as u32],
             visibility: Visibility::ALL,
+            lift_cosine: 0.0,
             is_holdout: false,
             is_catcher: false,
             membership: Membership::ALL,

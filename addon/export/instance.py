@@ -49,6 +49,8 @@ LEFT_OUT_TYPES = {
     "LIGHT_PROBE": "light probes are",
 }
 
+LIFT_SETTING = "shadow_terminator_geometry_offset"
+
 # `random_id` of an instance counts up to this.
 RANDOM_IDS = 0xFFFFFFFF
 
@@ -95,6 +97,8 @@ class Seen:
     is_catcher: bool
     # Of the object and of what instances it, as light linking knows them.
     names: tuple[int, ...]
+    # Below this cosine of light its shadows are those of its smooth form, not of its faces.
+    lift_cosine: float
     # The sets that its light reaches and that stop it, and its light group.
     links: tuple[int, int, int]
 
@@ -217,6 +221,7 @@ class InstanceTable:
             "world_from_object": matrices[keep],
             "instance_color": np.frombuffer(self._colors, np.float32).reshape(-1, 4)[keep],
             "instance_info": np.frombuffer(self._infos, np.float32).reshape(-1, 2)[keep],
+            "instance_lift_cosine": np.array([s.lift_cosine for s in self._seen], np.float32)[keep],
             "instance_slots": slots[keep],
             **self._particle_arrays(),
             "instance_visibility": np.array([s.visibility for s in self._seen], np.uint32)[keep],
@@ -295,7 +300,8 @@ class InstanceTable:
             names = (name_of(owner), name_of(parent))
             is_catcher = owner.is_shadow_catcher or parent.is_shadow_catcher
             links = self.lights.links(owner)
-            self._seen_by[key] = Seen(visibility, is_holdout, is_catcher, names, links)
+            lift = lift_cosine(owner)
+            self._seen_by[key] = Seen(visibility, is_holdout, is_catcher, names, lift, links)
         return self._seen_by[key]
 
     def _key(self, item: bpy.types.DepsgraphObjectInstance, owner: bpy.types.Object) -> int:
@@ -491,6 +497,12 @@ def particle_numbers(item: Any, scene: Any) -> list[float]:
     vectors = (particle.location, particle.velocity, particle.angular_velocity)
     single = (number, age, particle.lifetime, particle.size)
     return [*single, *(x for vector in vectors for x in vector)]
+
+
+def lift_cosine(owner: bpy.types.Object) -> float:
+    """Geometry Offset below Shadow Terminator: a setting of Cycles until objects got their own."""
+    own = getattr(owner, LIFT_SETTING, None)
+    return getattr(getattr(owner, "cycles", None), LIFT_SETTING, 0.1) if own is None else own
 
 
 def is_adaptive(owner: Any, scene: Any) -> bool:

@@ -33,6 +33,9 @@ pub struct Instance {
     pub info: ObjectInfo,
     /// Material of each slot: indices into [`SceneFrame::materials`].
     pub materials: Vec<u32>,
+    /// Cosine of light to its surface below which shadows are those of its smooth form and not of its
+    /// flat faces.
+    pub lift_cosine: f32,
     /// Which rays meet it.
     pub visibility: Visibility,
     /// Whether camera rays meet a hole in the picture in its place.
@@ -330,6 +333,7 @@ fn instances(arrays: &Arrays, meshes: usize, materials: usize) -> Result<Vec<Ins
                 motion: None,
                 info: object_info(arrays, row),
                 materials: slot_materials[slots].to_vec(),
+                lift_cosine: arrays.f32s("instance_lift_cosine")[row],
                 visibility: visibility(arrays, row),
                 is_holdout: arrays.u32s("instance_holdout")[row] != 0,
                 is_catcher: is_catcher(arrays, row),

@@ -62,6 +62,20 @@ def subdivided(stage: Stage) -> None:
     modifier.render_levels = 4
 
 
+def few_faces(stage: Stage, lift: float) -> None:
+    """A smooth ball of few faces, lit from the side."""
+    stage.clear()
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=10, ring_count=6, location=(0.0, 0.0, 1.3))
+    bpy.ops.object.shade_smooth()
+    ball: Any = bpy.context.object
+    ball.scale = (1.6, 1.2, 1.2)
+    # The object's own from Blender 5 on.
+    name = "shadow_terminator_geometry_offset"
+    setattr(ball if hasattr(ball, name) else ball.cycles, name, lift)
+    give(ball, matt(COLOR))
+    stage.only("POINT", energy=600.0, shadow_soft_size=0.1).location = (4.0, -0.5, 2.0)
+
+
 def tufts(count: int, points: int) -> np.ndarray:
     """Root to tip of bent hairs on a disk, (count, points, 3)."""
     i, t = np.arange(count)[:, None], np.linspace(0.0, 1.0, points)[None, :]
@@ -218,6 +232,8 @@ ROWS = table(
     ("displaced by vectors, tangent space", displaced_by_vectors, {"space": "TANGENT"}),
     ("displaced by vectors, object space", displaced_by_vectors, {"space": "OBJECT"}),
     ("displaced by vectors, world space", displaced_by_vectors, {"space": "WORLD"}),
+    ("smooth form of few faces", few_faces, {"lift": 0.1}),
+    ("smooth form of few faces, not lifted", few_faces, {"lift": 0.0}),
     ("point cloud", points, {"radius": 0.15}),
     ("instances on vertices", instances, {"side": 8}),
     ("instances, mirrored and stretched", scaled_instances),

@@ -638,6 +638,15 @@ def test_rays_that_meet_an_object_are_those_that_see_it_and_what_instances_it() 
     assert sorted(flags) == [(14, 0), (15, 0), (31, 1)]
 
 
+def test_shadows_are_those_of_the_smooth_form_as_far_as_the_object_says() -> None:
+    ball: Any = add_mesh("Ball")
+    name = "shadow_terminator_geometry_offset"
+    settings = ball if hasattr(ball, name) else ball.cycles
+    assert export_now().arrays["instance_lift_cosine"].tolist() == [pytest.approx(0.1)]
+    setattr(settings, name, 0.25)
+    assert export_now().arrays["instance_lift_cosine"].tolist() == [0.25]
+
+
 def test_a_collection_for_indirect_light_is_hidden_from_the_camera() -> None:
     hidden = add_mesh("Hidden")
     collection = bpy.data.collections.new("Indirect")

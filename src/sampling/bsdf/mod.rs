@@ -657,9 +657,10 @@ impl Bsdf {
         self.is_transmissive() && passing.all(|lobe| lobe.alpha() <= alpha)
     }
 
-    /// Values and densities towards `wi`.
+    /// Values and densities towards `wi`, above or below the smooth form of the surface: light just below
+    /// its flat faces still reaches it, as in Cycles.
     pub fn eval(&self, wi: Vec3A) -> (LobeValues, LobePdfs) {
-        let is_above = wi.dot(self.geometric_normal) > 0.0;
+        let is_above = wi.dot(self.smooth_normal) > 0.0;
         let (mut values, mut pdfs) = (LobeValues::default(), LobePdfs::default());
         if is_above && self.lambert != Vec3A::ZERO {
             pdfs.lambert = pdf_cosine_hemisphere(wi.dot(self.lambert_normal()));

@@ -119,6 +119,7 @@ fn glowing_square() -> SceneFrame {
         info: ObjectInfo::default(),
         materials: vec![0, 1],
         visibility: Visibility::ALL,
+        lift_cosine: 0.0,
         is_holdout: false,
         is_catcher: false,
         membership: Membership::ALL,
