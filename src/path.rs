@@ -60,6 +60,8 @@ pub struct Bounces {
     volume: u32,
     /// How many of them went through glass that counts as clear; see [`Tracer::after`].
     clear: u32,
+    /// See-through surfaces that the path passed; they are no events.
+    passed: u32,
     /// What scattered the ray last; none for a camera ray.
     last: Option<Part>,
     /// Smallest density [1/sr] of the directions so far, once there was one.
@@ -108,6 +110,7 @@ impl Bounces {
             diffuse_depth: self.diffuse,
             glossy_depth: self.glossy,
             transmission_depth: self.transmission,
+            transparent_depth: self.passed,
             around,
             ..RayInfo::default()
         }
@@ -119,6 +122,13 @@ impl Bounces {
             kind: RayKind::Shadow,
             ..self.ray_info(None)
         }
+    }
+
+    /// See-through surfaces that the ray that follows may pass. As in Cycles a limit of zero still lets
+    /// the path pass one.
+    fn passes_left(&self, settings: &Settings) -> u32 {
+        let limit = settings.transparent_max_bounces.max(1);
+        limit.saturating_sub(self.passed)
     }
 
     /// Number of the vertex that is lit by what the ray that follows finds; the camera's counts as
@@ -386,6 +396,17 @@ impl Passed {
         Some(last)
     }
 
+    /// Number of surfaces nearer than this.
+    fn count(&self, distance: f32) -> usize {
+        self.surfaces.iter().filter(|c| c.hit.t < distance).count()
+    }
+
+    /// Whether a ray that passes `limit` surfaces has ended before this distance.
+    fn has_ended(&self, distance: f32, limit: u32) -> bool {
+        let limit = limit as usize;
+        self.surfaces.len() > limit && self.count(distance) > limit
+    }
+
     /// Share of the light from this distance that arrives.
     pub fn share(&self, distance: f32) -> Vec3A {
         let nearer = self.surfaces.iter().filter(|c| c.hit.t < distance);
@@ -432,11 +453,14 @@ impl<'a> Tracer<'a> {
         bounces: &Bounces,
         sampler: &Sampler,
     ) -> (Option<Surface>, Passed) {
-        let (surface, passed) = self.meet(ray, bounces, sampler);
-        if self.media.is_empty() {
-            return (surface, passed);
+        let (mut surface, mut passed) = self.meet(ray, bounces, sampler);
+        if !self.media.is_empty() {
+            (surface, passed) = self.fly(ray, surface, passed, bounces, sampler);
         }
-        self.fly(ray, surface, passed, bounces, sampler)
+        if let Some(surface) = &mut surface {
+            surface.passed = bounces.passed + passed.count(surface.distance) as u32;
+        }
+        (surface, passed)
     }
 
     /// What a ray meets in the media before the surface that it would meet without them.
@@ -484,17 +508,32 @@ impl<'a> Tracer<'a> {
             );
         }
         let chance = Chance::new(info.kind, bounces, sampler);
-        let accept = |hit: &Hit| self.stops(hit, ray, &info, &chance, &mut passed);
+        let limit = bounces.passes_left(self.settings);
+        let accept = |hit: &Hit| {
+            passed.has_ended(hit.t, limit) || self.stops(hit, ray, &info, &chance, &mut passed)
+        };
         let hit = self.accel.closest_hit_where(self.frame, ray, accept);
         let end = hit.map_or(f32::INFINITY, |hit| hit.t);
-        let mut surface = match passed.end_at(end, self.settings.transparent_max_bounces) {
-            Some(last) => Some(at(&last).blackened()),
-            None => hit.as_ref().map(at),
-        };
+        let last = passed.end_at(end, limit).or(hit);
+        let mut surface = last.as_ref().map(at);
+        if passed.surfaces.len() == limit as usize {
+            surface = surface.map(|last| self.glow_alone(last, ray, &info));
+        }
         if let Some(surface) = &mut surface {
             surface.put_behind(passed.share(surface.distance));
         }
         (surface, passed)
+    }
+
+    /// The surface at which a ray ends that may pass no more. As in Cycles it shines, and does nothing
+    /// else.
+    fn glow_alone(&self, surface: Surface, ray: &Ray, info: &RayInfo) -> Surface {
+        let is_see_through = self.see_through[surface.hit.instance as usize];
+        let stopped = match is_see_through {
+            true => 1.0 - Passage::at(self.frame, &surface.hit, ray, info).probability,
+            false => 1.0,
+        };
+        surface.glowing_alone(stopped)
     }
 
     /// Share of the light that a ray lets through which looks for a light after the events
@@ -535,7 +574,7 @@ impl<'a> Tracer<'a> {
     }
 
     fn passed_share(&self, ray: &Ray, info: &RayInfo, links: Links) -> Vec3A {
-        let (mut share, mut count) = (Vec3A::ONE, 0);
+        let (mut share, mut count) = (Vec3A::ONE, info.transparent_depth);
         let accept = |hit: &Hit| {
             let instance = hit.instance as usize;
             // Instances are large: few rays need to look at them.
@@ -670,7 +709,8 @@ impl<'a> Tracer<'a> {
             Some((hit.t, hit))
         };
         let exit = below.walk(surface.ray_into(direction), &mut numbers, meet)?;
-        let outside = surface::exit(self.frame, &exit.hit, &exit.ray, &from.ray_info(None));
+        let mut outside = surface::exit(self.frame, &exit.hit, &exit.ray, &from.ray_info(None));
+        outside.passed = surface.passed;
         Some((outside, below.weight * exit.carried))
     }
 
@@ -716,7 +756,7 @@ impl<'a> Tracer<'a> {
             membership: surface.membership,
             normal: surface.normal_towards(sample.direction),
             strategy: strategy_at(from.total),
-            bounces: self.after(from, sample.part, sample.alpha),
+            bounces: self.after(from, surface, sample.part, sample.alpha),
             throughput: throughput / survival,
             wants_distance: false,
         };
@@ -736,14 +776,15 @@ impl<'a> Tracer<'a> {
     ) -> Option<(BsdfSample, Bounces)> {
         let numbers = sampler.scatter(from.total);
         let sample = surface.bsdf.sample(numbers.lobe, numbers.direction)?;
-        Some((sample, self.after(from, sample.part, sample.alpha)))
+        Some((sample, self.after(from, surface, sample.part, sample.alpha)))
     }
 
-    /// One event more, at a closure of this GGX alpha.
-    pub fn after(&self, from: Bounces, part: Part, alpha: f32) -> Bounces {
+    /// One event more, at a surface's closure of this GGX alpha.
+    pub fn after(&self, from: Bounces, surface: &Surface, part: Part, alpha: f32) -> Bounces {
         let is_clear = part == Part::Transmission && alpha <= self.clear_alpha();
         Bounces {
             clear: from.clear + u32::from(is_clear),
+            passed: surface.passed,
             ..from.after(part)
         }
     }
@@ -1061,7 +1102,11 @@ impl<'a> Tracer<'a> {
         }
         let mut ray = surface.ray_to_light(self.frame, light.direction, light.distance);
         ray.t_max *= SHADOW_END;
-        self.lit_share(&ray, from, light.reach.links, sampler)
+        let from = Bounces {
+            passed: surface.passed,
+            ..*from
+        };
+        self.lit_share(&ray, &from, light.reach.links, sampler)
     }
 }
 
@@ -1168,6 +1213,7 @@ mod tests {
         assert_eq!(stop(2, f32::INFINITY), Some(3.0));
         assert_eq!(stop(2, 2.5), None);
         assert_eq!(stop(4, f32::INFINITY), None);
+        assert!(passed().has_ended(3.5, 2) && !passed().has_ended(3.0, 2));
         let mut passed = passed();
         assert!((passed.share(2.5) - 2.0).abs().max_element() < 1e-6);
         let first_of = |opacity| passed.first_of(opacity).map(|hit| hit.t);
@@ -1438,6 +1484,52 @@ mod tests {
             let mean = seen(&scene);
             let deviation = 5.0 * 3.0 * 0.5 / 16384f64.sqrt();
             assert!((mean - expected).abs() < deviation, "{closures:?}: {mean}");
+        }
+    }
+
+    /// Sheets that let half of the light pass and shine by one, above a white floor in a white world.
+    fn below_sheets(count: usize, limit: u32) -> f64 {
+        let sheet: [(&str, &[(&str, f32)]); 2] = [
+            ("transparent", &[("Weight", 1.0), ("Color", 0.5)]),
+            ("emission", &[("Weight", 1.0), ("Color", 1.0)]),
+        ];
+        let mut scene = Scene::new();
+        scene.camera = camera(Vec3::new(0.0, 0.0, 1.0), Vec3::ZERO, 0.1);
+        scene.add(square(), Affine3A::IDENTITY, diffuse(1.0));
+        for layer in 1..=count {
+            let up = Affine3A::from_translation(0.01 * layer as f32 * Vec3::Z);
+            scene.add(square(), up, Material::of(&sheet));
+        }
+        seen_after(
+            &scene,
+            Settings {
+                transparent_max_bounces: limit,
+                ..Settings::default()
+            },
+        )
+    }
+
+    /// Closed forms: what the camera's ray passes, what the floor's rays pass on, and that the surface
+    /// after the last one allowed shines and does nothing else.
+    #[test]
+    fn a_path_passes_no_more_surfaces_than_it_may() {
+        // The floor is white: it shows the sheets' glow from below, and the world if rays may pass them.
+        let cases = [
+            (4, 2, 1.0 + 0.5 + 0.25),
+            (2, 2, 1.0 + 0.5),
+            (1, 2, 1.0 + 0.5 * (1.0 + 0.5)),
+            (2, 3, 1.0 + 0.5 + 0.25 * (1.0 + 0.5)),
+            (2, 4, 1.0 + 0.5 + 0.25 * (1.0 + 0.5 + 0.25)),
+            (1, 0, 1.0),
+        ];
+        for (count, limit, expected) in cases {
+            let mean = below_sheets(count, limit);
+            // A sample is at most four; 16384 of them.
+            let deviation = 5.0 * 2.0 / 16384f64.sqrt();
+            assert!(
+                (mean - expected).abs() < deviation,
+                "{count} sheets, {limit}: {mean}"
+            );
         }
     }
 

@@ -38,6 +38,8 @@ pub struct Surface {
     pub is_medium: bool,
     /// Distance along the ray.
     pub distance: f32,
+    /// See-through surfaces that the path passed before it.
+    pub passed: u32,
     /// When the ray found it: the share of the shutter's time that has passed.
     pub time: f32,
     /// The strand of hair that it is: rays leave it where they leave the strand.
@@ -125,13 +127,13 @@ impl Surface {
         }
     }
 
-    /// The same surface, if nothing came from it.
-    pub fn blackened(self) -> Self {
+    /// The same surface if it only shone, by this factor.
+    pub fn glowing_alone(self, factor: f32) -> Self {
         let bsdf = Bsdf::new(self.geometric_normal, -self.geometric_normal, true);
         Self {
             bsdf,
             below: None,
-            emission: Vec3A::ZERO,
+            emission: self.emission * factor,
             ..self
         }
     }
@@ -233,6 +235,7 @@ fn bare(frame: &SceneFrame, hit: &Hit, point: &Point, time: f32) -> Surface {
         holdout: 0.0,
         is_medium: false,
         distance: hit.t,
+        passed: 0,
         time,
         strand: None,
         clearance: clearance_of(point),
@@ -422,6 +425,7 @@ pub fn in_medium(ray: &Ray, collision: &Collision) -> Surface {
         holdout: 0.0,
         is_medium: true,
         distance: t,
+        passed: 0,
         time: ray.time,
         strand: None,
         clearance: 0.0,

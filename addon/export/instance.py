@@ -19,6 +19,7 @@ from .linking import LinkSets, name_of
 from .material import MaterialTable
 from .mesh import NotFinite, load_mesh, load_surface, mesh_positions
 from .points import placements, read_points, unit_ball
+from .random_number import random_number
 from .report import ExportStopped, Warnings
 from .shader.layers import HAIR, OF_STRANDS, PARTICLE, VOLUME_GENERATED
 from .shutter import Times, motion_steps, motion_times
@@ -50,9 +51,6 @@ LEFT_OUT_TYPES = {
 }
 
 LIFT_SETTING = "shadow_terminator_geometry_offset"
-
-# `random_id` of an instance counts up to this.
-RANDOM_IDS = 0xFFFFFFFF
 
 # Items between two looks at `should_stop`; ten thousand take about a tenth of a second.
 STOP_INTERVAL = 256
@@ -269,7 +267,7 @@ class InstanceTable:
             self._particles.update(dict.fromkeys(range(placed.row, placed.row + count), particle))
         if self.materials.mattes:
             self._matte_numbers.extend(self.materials.mattes.of_object(owner) * count)
-        self._infos.extend((owner.pass_index, item.random_id / RANDOM_IDS) * count)
+        self._infos.extend((owner.pass_index, random_number(item)) * count)
         if shape.balls is None:
             matrix = item.matrix_world
             for row in range(3):

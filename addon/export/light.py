@@ -183,7 +183,7 @@ def node_strength(data: bpy.types.Light) -> Color | None:
         shader = surface(data.node_tree)
         if shader is None:
             return (0.0, 0.0, 0.0)
-        if shader.node.bl_idname != "ShaderNodeEmission":
+        if isinstance(shader, Constant) or shader.node.bl_idname != "ShaderNodeEmission":
             return None
         color, strength = (shader.input(name).follow() for name in ("Color", "Strength"))
     except RecursiveGroup:

@@ -14,7 +14,15 @@ import numpy as np
 from .cache import ExportCache
 from .image import ImageTable
 from .matte import MATERIAL, NO_MATERIAL, Mattes
-from .nodes import RecursiveGroup, Source, active_output, find_input, nodes_of, surface
+from .nodes import (
+    RecursiveGroup,
+    Source,
+    active_output,
+    find_input,
+    linked_shader,
+    nodes_of,
+    surface,
+)
 from .report import Warnings
 from .shader import (
     Compiler,
@@ -106,7 +114,7 @@ class MaterialTable:
 
         def write() -> None:
             with failures_told(compiler):
-                if volume := _linked(output, "Volume"):
+                if volume := linked_shader(output, "Volume"):
                     compile_volume(compiler, volume)
 
         return self._row(world.original.session_uid, compiler, write)
@@ -188,12 +196,11 @@ def failures_told(compiler: Compiler) -> Iterator[None]:
 
 def _compile_tree(compiler: Compiler, material: bpy.types.Material) -> None:
     output = active_output(material.node_tree)
-    ends = {name: _linked(output, name) for name in ("Volume", "Displacement")}
-    if displacement := ends["Displacement"]:
+    if displacement := _linked(output, "Displacement"):
         _displace(compiler, material, displacement)
     shader = surface(material.node_tree)
     compile_surface(compiler, shader)
-    if volume := ends["Volume"]:
+    if volume := linked_shader(output, "Volume"):
         compile_volume(compiler, volume)
         _warn_of_interpolation(compiler, material)
         if shader is None:

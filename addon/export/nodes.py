@@ -94,6 +94,15 @@ class Input:
             here = step
         return Constant(here.socket, tuple(reversed(through)))
 
+    def shader(self) -> Source | Constant | None:
+        """The shader linked to this socket, or the colour in its place; None without either.
+
+        Raises RecursiveGroup where a group contains itself.
+        """
+        end = self.follow()
+        is_empty = isinstance(end, Constant) and end.socket.type == "SHADER"
+        return None if is_empty else end
+
     def _step(self) -> Source | Constant | Input | None:
         """What the link leads to; None where nothing is linked."""
         link = next(
@@ -134,12 +143,22 @@ def active_output(tree: bpy.types.NodeTree | None) -> bpy.types.Node | None:
     return tree.get_output_node("CYCLES") if tree else None
 
 
-def surface(tree: bpy.types.NodeTree | None) -> Source | None:
-    """The shader linked to the Surface of the tree's active output."""
-    output = active_output(tree)
-    socket = output and find_input(output, "Surface")
-    end = socket and socket.follow()
-    return end if isinstance(end, Source) else None
+def linked_shader(
+    node: bpy.types.Node | None,
+    identifier: str,
+    groups: tuple[bpy.types.Node, ...] = (),
+) -> Source | Constant | None:
+    """The shader linked to an input of a node, or the colour in its place.
+
+    Raises RecursiveGroup where a group contains itself.
+    """
+    socket = node and find_input(node, identifier, groups)
+    return socket.shader() if socket else None
+
+
+def surface(tree: bpy.types.NodeTree | None) -> Source | Constant | None:
+    """The shader linked to the Surface of the tree's active output, or the colour in its place."""
+    return linked_shader(active_output(tree), "Surface")
 
 
 def nodes_of(

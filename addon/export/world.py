@@ -110,7 +110,8 @@ def _plain(world: bpy.types.World, images: ImageTable) -> World:
     shader = surface(world.node_tree)
     if shader is None:
         return World()
-    if shader.node.bl_idname != "ShaderNodeBackground" or depends_on_ray(world.node_tree):
+    is_background = isinstance(shader, Source) and shader.node.bl_idname == "ShaderNodeBackground"
+    if not is_background or depends_on_ray(world.node_tree):
         raise _NotPlain
     strength = _constant(shader, "Strength").number()
     source = shader.input("Color").follow()

@@ -136,7 +136,7 @@ fn gather_own(view: &View, surface: &Surface, sampler: &Sampler) -> Vec3A {
     }
     let bounces = view
         .tracer
-        .after(Bounces::default(), drawn.part, drawn.alpha);
+        .after(Bounces::default(), surface, drawn.part, drawn.alpha);
     gather(view, surface, bounces, direction, pdf, sampler).sum() * value.own() / pdf
 }
 

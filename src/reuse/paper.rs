@@ -238,7 +238,7 @@ fn gather(view: &View, surface: &Surface, sampler: &Sampler) -> Gather {
         strategy: Strategy::WithoutSky,
         bounces: view
             .tracer
-            .after(Bounces::default(), sample.part, sample.alpha),
+            .after(Bounces::default(), surface, sample.part, sample.alpha),
         throughput: weight.max_element(),
         wants_distance: true,
     };

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from .rows import table
-from .stage import Stage, add_node, give, node_tree, output, shade
+from .stage import Stage, add_node, give, node_tree, output, plane, set_known, shade
 
 PRINCIPLED = "ShaderNodeBsdfPrincipled"
 ORANGE = (0.8, 0.35, 0.1, 1.0)
@@ -38,6 +38,64 @@ def see_through(stage: Stage, kind: str, **values: Any) -> None:
     """
     shader(stage, kind, **values)
     stage.cube.location.z += 0.1
+
+
+def sheets(stage: Stage, count: int, limit: int = 8) -> None:
+    """Panes above all else that shine a little, between it and camera and lamp."""
+    for engine in (stage.scene.cycles, getattr(stage.scene, "dualcone", None)):
+        set_known(engine, transparent_max_bounces=limit)
+    tree = node_tree(bpy.data.materials.new("Row"))
+    passing = add_node(tree, "ShaderNodeBsdfTransparent", Color=(0.9, 0.8, 0.7, 1.0))
+    shining = add_node(tree, "ShaderNodeEmission", Color=(0.1, 0.2, 0.3, 1.0), Strength=1.0)
+    both = add_node(tree, "ShaderNodeAddShader")
+    for node, socket in zip((passing, shining), both.inputs, strict=True):
+        tree.links.new(node.outputs[0], socket)
+    tree.links.new(both.outputs[0], output(tree).inputs["Surface"])
+    for layer in range(count):
+        pane = plane(4.0)
+        pane.location = (0.0, 0.0, 2.1 + 0.1 * layer)
+        give(pane, bpy.data.materials["Row"])
+
+
+def colour(stage: Stage, kind: str, mixed: bool, **values: Any) -> None:
+    """A colour in the place of a shader."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    node = add_node(tree, kind, **values)
+    if mixed:
+        both = add_node(tree, "ShaderNodeMixShader", Fac=0.3)
+        tree.links.new(add_node(tree, "ShaderNodeBsdfDiffuse").outputs[0], both.inputs[1])
+        tree.links.new(node.outputs[0], both.inputs[2])
+        node = both
+    finish(stage, tree, node)
+
+
+def not_a_surface(stage: Stage) -> None:
+    """A volume's shader added to a surface's."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    diffuse = add_node(tree, "ShaderNodeBsdfDiffuse", Color=ORANGE)
+    volume = add_node(tree, "ShaderNodeVolumeAbsorption", Density=1.0)
+    both = add_node(tree, "ShaderNodeAddShader")
+    for node, socket in zip((diffuse, volume), both.inputs, strict=True):
+        tree.links.new(node.outputs[0], socket)
+    finish(stage, tree, both)
+
+
+def told_apart(stage: Stage) -> None:
+    """Objects, and instances of one of them, that differ by Object Info's Random.
+
+    Few and apart: of many on a ball Blender itself hands out other numbers each time.
+    """
+    tree = node_tree(bpy.data.materials.new("Row"))
+    info = tree.nodes.new("ShaderNodeObjectInfo")
+    finish(stage, tree, add_node(tree, "ShaderNodeBsdfDiffuse", Color=info.outputs["Random"]))
+    stage.ball.name, stage.cube.name = "Ball", "Würfel"
+    corners = plane(3.0)
+    corners.location = (0.0, 0.0, 2.4)
+    corners.instance_type = "VERTS"
+    bpy.ops.mesh.primitive_cube_add(size=0.6)
+    leaf = bpy.context.object
+    leaf.parent = corners
+    give(leaf, bpy.data.materials["Row"])
 
 
 def glass(stage: Stage, kind: str, **values: Any) -> None:
@@ -243,6 +301,13 @@ SHADERS = table(
     ("Holdout", shader, {"kind": "ShaderNodeHoldout"}),
     ("Mix Shader", two_shaders, {"kind": "ShaderNodeMixShader", "Fac": 0.4}),
     ("Add Shader", two_shaders, {"kind": "ShaderNodeAddShader"}),
+    ("a colour as shader", colour, {"kind": "ShaderNodeRGB", "mixed": False}),
+    ("a texture as shader, mixed", colour, {"kind": "ShaderNodeTexChecker", "mixed": True, "Scale": 6.0}),
+    ("a volume shader as surface", not_a_surface, {}),
+    ("sheets, 5", sheets, {"count": 5}),
+    ("sheets, 5, limit 5", sheets, {"count": 5, "limit": 5}),
+    ("sheets, 5, limit 10", sheets, {"count": 5, "limit": 10}),
+    ("sheets, 5, limit 3", sheets, {"count": 5, "limit": 3}),
 )  # fmt: skip
 
 TEXTURES = table(
@@ -279,6 +344,7 @@ TEXTURES = table(
     ("Layer Weight", value_in, {"kind": "ShaderNodeLayerWeight", "out": "Facing", "Blend": 0.4}),
     ("Normal", value_in, {"kind": "ShaderNodeNewGeometry", "out": "Normal"}),
     ("Object Info, Location", value_in, {"kind": "ShaderNodeObjectInfo", "out": "Location"}),
+    ("Object Info, Random", told_apart, {}),
     ("Camera Data", value_in, {"kind": "ShaderNodeCameraData", "out": "View Vector"}),
     ("Blackbody", value_in, {"kind": "ShaderNodeBlackbody", "Temperature": 3000.0}),
     ("Ambient Occlusion", occlusion_in, {"socket": "Base Color", "Color": ORANGE}),

@@ -11,6 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
+from addon.export.random_number import number_of_name
 from export_oracle import (
     RecordingCore,
     add_camera,
@@ -636,6 +637,26 @@ def test_rays_that_meet_an_object_are_those_that_see_it_and_what_instances_it() 
     arrays = export_now().arrays
     flags = zip(arrays["instance_visibility"], arrays["instance_holdout"], strict=True)
     assert sorted(flags) == [(14, 0), (15, 0), (31, 1)]
+
+
+def test_instances_have_blenders_random_numbers() -> None:
+    """Object Info's Random is between zero and one; Blender hands out signed numbers."""
+    ball, leaf = add_mesh("Ball"), add_mesh("Leaf")
+    leaf.parent, ball.instance_type = ball, "VERTS"
+    frame = export_now()
+    instances = bpy.context.evaluated_depsgraph_get().object_instances
+    signed = [item.random_id for item in instances if item.is_instance]
+    assert min(signed) < 0 < max(signed)
+    numbers = frame.arrays["instance_info"][:, 1]
+    of_instances = np.array(signed, np.int32).view(np.uint32) / (2**32 - 1)
+    assert sorted(numbers) == pytest.approx(sorted(of_instances), abs=1e-6)
+
+
+def test_objects_have_the_random_numbers_of_their_names() -> None:
+    """Those that Cycles of 5.0 shows, by an Emission of Object Info's Random."""
+    known = {"Q": 0.06749145, "Leaf.001": 0.53774709, "Ä name that is longer": 0.67340523}
+    for name, number in known.items():
+        assert number_of_name(name) == pytest.approx(number, abs=1e-6)
 
 
 def test_shadows_are_those_of_the_smooth_form_as_far_as_the_object_says() -> None:

@@ -289,6 +289,42 @@ def test_an_unknown_shader_is_named_and_stands_in_as_diffuse() -> None:
     assert warnings == ["'Wood': Ray Portal BSDF is not rendered yet (a diffuse surface is shown)"]
 
 
+def test_a_colour_in_a_shaders_place_glows() -> None:
+    """As in Cycles, which puts an Emission in between."""
+
+    def image(tree: Any) -> Any:
+        return node(tree, "ShaderNodeTexGradient").outputs[0]
+
+    def constant(tree: Any) -> Any:
+        made = tree.nodes.new("ShaderNodeRGB")
+        made.outputs[0].default_value = (0.5, 0.25, 0.125, 1.0)
+        return made.outputs[0]
+
+    def mixed(tree: Any) -> Any:
+        both = node(tree, "ShaderNodeMixShader", Fac=0.25)
+        tree.links.new(constant(tree), both.inputs[2])
+        return both.outputs[0]
+
+    half = [0.5, 0.25, 0.125]
+    cases = {image: [0.25] * 3, constant: half, mixed: [0.25 * x for x in half]}
+    for build, expected in cases.items():
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        add_camera()
+        (light,), warnings = closures_of(build)
+        assert (light.kind, light["color"], warnings) == ("Emission", expected, [])
+
+
+def test_a_volumes_shader_does_nothing_to_a_surface() -> None:
+    def build(tree: Any) -> Any:
+        both = node(tree, "ShaderNodeAddShader")
+        tree.links.new(diffuse(tree, 0.5, 0.25, 0.0), both.inputs[0])
+        tree.links.new(node(tree, "ShaderNodeVolumeAbsorption").outputs[0], both.inputs[1])
+        return both.outputs[0]
+
+    (closure,), warnings = closures_of(build)
+    assert (closure.kind, warnings) == ("Diffuse", [])
+
+
 def test_distributions_beyond_are_named() -> None:
     def build(tree: Any) -> Any:
         brushed = node(tree, "ShaderNodeBsdfAnisotropic", Anisotropy=0.5)

@@ -41,6 +41,8 @@ NAMES = (
     "geometry: point cloud",
     "motion blur: armature",
     "motion blur: shutter 1.5, at end",
+    "shader: sheets, 5, limit 10",
+    "texture: Object Info, Random",
     "volume: Scatter, density by a gradient",
     "volume: OpenVDB, blackbody",
 )

@@ -6,10 +6,11 @@ from collections.abc import Callable, Iterable
 
 import bpy
 
-from ..nodes import Color, Source
+from ..nodes import Color, Constant, Source, linked_shader
 from .compiler import ONE, ZERO, Compiler
 from .layers import HAIR, STRAND
 from .program import Operand, Operation, Value
+from .volumes import VOLUMES
 
 # Blender's reflectance where nothing is known.
 DEFAULT_SURFACE = (0.8, 0.8, 0.8)
@@ -17,8 +18,8 @@ DEFAULT_SURFACE = (0.8, 0.8, 0.8)
 KEEPS_ALL = 1
 
 
-def compile_surface(compiler: Compiler, shader: Source | None) -> None:
-    """Write the closures of the shader linked to a material's output."""
+def compile_surface(compiler: Compiler, shader: Source | Constant | None) -> None:
+    """Write the closures of the shader linked to a material's output, or of a colour there."""
     if shader is not None:
         _shader(compiler, shader, ONE)
 
@@ -45,11 +46,18 @@ def default_surface(compiler: Compiler) -> None:
     compiler.emit("principled", *operands, parameter=KEEPS_ALL)
 
 
-def _shader(compiler: Compiler, source: Source, weight: Operand) -> None:
-    compile_shader = SHADERS.get(source.node.bl_idname)
-    if compile_shader is not None:
-        compile_shader(compiler, source, weight)
-        return
+def _shader(compiler: Compiler, end: Source | Constant, weight: Operand) -> None:
+    if isinstance(end, Constant) or end.output.type != "SHADER":
+        # A colour in a shader's place glows, as in Cycles.
+        compiler.emit("emission", weight, compiler.color(end))
+    elif compile_shader := SHADERS.get(end.node.bl_idname):
+        compile_shader(compiler, end, weight)
+    elif end.node.bl_idname not in VOLUMES:  # those do nothing to a surface
+        _stand_in(compiler, end, weight)
+
+
+def _stand_in(compiler: Compiler, source: Source, weight: Operand) -> None:
+    """A diffuse surface in the place of a shader of unknown type."""
     compiler.missing(source.label, "a diffuse surface is shown")
     has_color = source.input("Color") is not None
     color = compiler.input(source, "Color") if has_color else DEFAULT_SURFACE
@@ -58,9 +66,8 @@ def _shader(compiler: Compiler, source: Source, weight: Operand) -> None:
 
 def _linked_shader(compiler: Compiler, source: Source, identifier: str, weight: Operand) -> None:
     """The closures linked to a shader's input; an unlinked one is black."""
-    socket = source.input(identifier)
-    end = socket and socket.follow()
-    if isinstance(end, Source) and weight != ZERO:
+    end = linked_shader(source.node, identifier, source.groups)
+    if end is not None and weight != ZERO:
         _shader(compiler, end, weight)
 
 

@@ -107,6 +107,16 @@ class Compiler:
             return self._constant(Constant(socket.socket), kind)
         return self._passed(value, kind_of(end.output.type), (*map(kind_of, end.through), kind))
 
+    def color(self, end: Source | Constant) -> Operand:
+        """The value of a link as a colour; black, with a warning, where a node type is unknown."""
+        if isinstance(end, Constant):
+            return self._constant(end, COLOR)
+        value = self.output(end)
+        if value is None:
+            self.missing(end.label, "black is used")
+            return ZERO
+        return self._passed(value, kind_of(end.output.type), (*map(kind_of, end.through), COLOR))
+
     def default(self, source: Source, identifier: str) -> Color:
         """The value in an input's own field."""
         socket = source.input(identifier)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from ..nodes import Color, Constant, Source
+from ..nodes import Color, Constant, Source, linked_shader
 from .compiler import ONE, ZERO, Compiler
 from .program import Operand, Value
 
@@ -17,8 +17,8 @@ BLACKBODY_SCALE = 5.670373e-8 * 1e-6 / math.pi
 DEFAULT_COLOR: Color = (0.5, 0.5, 0.5)
 
 
-def compile_volume(compiler: Compiler, shader: Source) -> None:
-    """Write the media of the shader linked to an output's Volume."""
+def compile_volume(compiler: Compiler, shader: Source | Constant) -> None:
+    """Write the media of the shader linked to an output's Volume, or of a colour there."""
     with compiler.inside():
         _volume(compiler, shader, ONE)
 
@@ -31,12 +31,14 @@ def default_volume(compiler: Compiler) -> None:
         compiler.emit("volume", ONE, color, color, ZERO, ZERO)
 
 
-def _volume(compiler: Compiler, shader: Source, weight: Operand) -> None:
-    compile_shader = VOLUMES.get(shader.node.bl_idname)
-    if compile_shader is None:
-        compiler.missing(f"{shader.label} as a volume")
-        return
-    compile_shader(compiler, shader, weight)
+def _volume(compiler: Compiler, end: Source | Constant, weight: Operand) -> None:
+    if isinstance(end, Constant) or end.output.type != "SHADER":
+        # A colour in a shader's place glows, as in Cycles.
+        compiler.emit("volume", weight, ZERO, ZERO, compiler.color(end), ZERO)
+    elif compile_shader := VOLUMES.get(end.node.bl_idname):
+        compile_shader(compiler, end, weight)
+    else:
+        compiler.missing(f"{end.label} as a volume")
 
 
 def absorption(compiler: Compiler, source: Source, weight: Operand) -> None:
@@ -142,9 +144,8 @@ def add(compiler: Compiler, source: Source, weight: Operand) -> None:
 
 
 def _linked(compiler: Compiler, source: Source, identifier: str, weight: Operand) -> None:
-    socket = source.input(identifier)
-    end = socket and socket.follow()
-    if isinstance(end, Source) and weight != ZERO:
+    end = linked_shader(source.node, identifier, source.groups)
+    if end is not None and weight != ZERO:
         _volume(compiler, end, weight)
 
 

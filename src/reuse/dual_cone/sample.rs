@@ -284,7 +284,7 @@ impl<'a> Pass<'a> {
             membership: surface.membership,
             normal: surface.normal_towards(drawn.direction),
             strategy: self.strategy(lending),
-            bounces: tracer.after(Bounces::default(), drawn.part, drawn.alpha),
+            bounces: tracer.after(Bounces::default(), surface, drawn.part, drawn.alpha),
             throughput: 1.0,
             wants_distance: self.iteration < REACH_ITERATIONS,
         };

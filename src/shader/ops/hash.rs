@@ -2,36 +2,67 @@
 //! of Jarzynski and Olano ("Hash Functions for GPU Rendering", JCGT 9(3), 2020) with signed numbers
 //! for Voronoi's cells.
 
-/// lookup3 of one to four words.
-pub fn words<const N: usize>(words: &[u32; N]) -> u32 {
+/// Numbers that are hashed side by side.
+pub const LANES: usize = 4;
+/// One number for each of them.
+pub type Lanes<T> = [T; LANES];
+
+/// lookup3 of one to four words, lane by lane; the compiler makes vector instructions of the loops.
+#[inline(always)]
+pub fn words_of_lanes<const N: usize>(words: &[Lanes<u32>; N]) -> Lanes<u32> {
     let start = 0xdead_beef_u32.wrapping_add(((N as u32) << 2) + 13);
-    let from = |i: usize| start.wrapping_add(if i < N { words[i] } else { 0 });
+    let from = |i: usize| {
+        words
+            .get(i)
+            .map_or([start; LANES], |w| added(w, &[start; LANES]))
+    };
     let (mut a, mut b, mut c) = (from(0), from(1), from(2));
     if N == 4 {
-        mix(&mut a, b, &mut c, 4);
-        mix(&mut b, c, &mut a, 6);
-        mix(&mut c, a, &mut b, 8);
-        mix(&mut a, b, &mut c, 16);
-        mix(&mut b, c, &mut a, 19);
-        mix(&mut c, a, &mut b, 4);
-        a = a.wrapping_add(words[N - 1]);
+        for (turn_a, turn_b, turn_c) in [(4, 6, 8), (16, 19, 4)] {
+            mix(&mut a, &b, &mut c, turn_a);
+            mix(&mut b, &c, &mut a, turn_b);
+            mix(&mut c, &a, &mut b, turn_c);
+        }
+        a = added(&a, &words[N - 1]);
     }
     for (turn_c, turn_a, turn_b) in [(14, 11, 25), (16, 4, 14)] {
-        c = finish(c, b, turn_c);
-        a = finish(a, c, turn_a);
-        b = finish(b, a, turn_b);
+        finish(&mut c, &b, turn_c);
+        finish(&mut a, &c, turn_a);
+        finish(&mut b, &a, turn_b);
     }
-    finish(c, b, 24)
+    finish(&mut c, &b, 24);
+    c
+}
+
+/// The same of one lane.
+pub fn words<const N: usize>(words: &[u32; N]) -> u32 {
+    words_of_lanes(&words.map(|word| [word; LANES]))[0]
+}
+
+#[inline(always)]
+fn added(one: &Lanes<u32>, other: &Lanes<u32>) -> Lanes<u32> {
+    let mut sum = *one;
+    for lane in 0..LANES {
+        sum[lane] = sum[lane].wrapping_add(other[lane]);
+    }
+    sum
 }
 
 /// Changes a number by the one before it, and that by the one after.
-fn mix(number: &mut u32, after: u32, before: &mut u32, turn: u32) {
-    *number = number.wrapping_sub(*before) ^ before.rotate_left(turn);
-    *before = before.wrapping_add(after);
+#[inline(always)]
+fn mix(number: &mut Lanes<u32>, after: &Lanes<u32>, before: &mut Lanes<u32>, turn: u32) {
+    for lane in 0..LANES {
+        number[lane] = number[lane].wrapping_sub(before[lane]) ^ before[lane].rotate_left(turn);
+        before[lane] = before[lane].wrapping_add(after[lane]);
+    }
 }
 
-fn finish(number: u32, before: u32, turn: u32) -> u32 {
-    (number ^ before).wrapping_sub(before.rotate_left(turn))
+#[inline(always)]
+fn finish(number: &mut Lanes<u32>, before: &Lanes<u32>, turn: u32) {
+    for lane in 0..LANES {
+        let turned = before[lane].rotate_left(turn);
+        number[lane] = (number[lane] ^ before[lane]).wrapping_sub(turned);
+    }
 }
 
 /// lookup3 of the bits of floats, in 0 to 1.

@@ -4,6 +4,7 @@
 use glam::{Vec3A, Vec4};
 
 use super::super::operation::Args;
+use super::hash::{LANES, Lanes};
 use super::{hash, lerp, quintic};
 
 /// Noise repeats with this period, which keeps floats exact far from the origin.
@@ -12,42 +13,52 @@ const PERIOD: f32 = 100_000.0;
 /// Scale that brings each dimension's noise into -1 to 1.
 const SCALES: [f32; 4] = [0.25, 0.6616, 0.982, 0.8344];
 
-/// The gradient of a lattice point, times the offset from it.
-fn gradient<const N: usize>(hash: u32, p: [f32; N]) -> f32 {
-    let signed = |value: f32, bit: u32| if hash & bit == 0 { value } else { -value };
-    let at = |i: usize| p.get(i).copied().unwrap_or(0.0);
+/// The gradients of lattice points, times the offsets from them. Choices are made in each lane, so that
+/// no lane waits for another.
+#[inline(always)]
+fn gradients<const N: usize>(hashes: &Lanes<u32>, offsets: &[Lanes<f32>; N]) -> Lanes<f32> {
+    let mut values = [0.0; LANES];
+    for (lane, value) in values.iter_mut().enumerate() {
+        let at = |axis: usize| offsets.get(axis).map_or(0.0, |lanes| lanes[lane]);
+        *value = gradient::<N>(hashes[lane], at(0), at(1), at(2), at(3));
+    }
+    values
+}
+
+/// The gradient of one lattice point, times the offset from it.
+#[inline(always)]
+fn gradient<const N: usize>(hash: u32, x: f32, y: f32, z: f32, w: f32) -> f32 {
+    let pick = |is_first: bool, first: f32, second: f32| if is_first { first } else { second };
+    // The bit that flips the sign, moved to where floats have theirs.
+    let signed = |value: f32, bit: u32| {
+        let sign = (hash & bit) << (31 - bit.trailing_zeros());
+        f32::from_bits(value.to_bits() ^ sign)
+    };
     match N {
-        1 => signed(1.0 + (hash & 7) as f32, 8) * at(0),
+        1 => signed(1.0 + (hash & 7) as f32, 8) * x,
         2 => {
-            let (u, v) = if hash & 7 < 4 {
-                (at(0), at(1))
-            } else {
-                (at(1), at(0))
-            };
+            let is_low = hash & 7 < 4;
+            let (u, v) = (pick(is_low, x, y), pick(is_low, y, x));
             signed(u, 1) + signed(2.0 * v, 2)
         }
         3 => {
             let h = hash & 15;
-            let u = if h < 8 { at(0) } else { at(1) };
-            let v = match h {
-                0..4 => at(1),
-                12 | 14 => at(0),
-                _ => at(2),
-            };
+            let u = pick(h < 8, x, y);
+            let v = pick(h < 4, y, pick(h & 13 == 12, x, z));
             signed(u, 1) + signed(v, 2)
         }
         _ => {
             let h = hash & 31;
-            let u = if h < 24 { at(0) } else { at(1) };
-            let v = if h < 16 { at(1) } else { at(2) };
-            let s = if h < 8 { at(2) } else { at(3) };
+            let u = pick(h < 24, x, y);
+            let v = pick(h < 16, y, z);
+            let s = pick(h < 8, z, w);
             signed(u, 1) + signed(v, 2) + signed(s, 4)
         }
     }
 }
 
 /// Perlin noise in about -1 to 1. Loops, as closures over arrays are not always inlined: textures of
-/// many octaves spend their time here.
+/// many octaves spend their time here. Corners go in groups of lanes.
 fn perlin<const N: usize>(mut p: [f32; N]) -> f32 {
     let (mut low, mut cell) = ([0.0; N], [0; N]);
     for axis in 0..N {
@@ -59,15 +70,20 @@ fn perlin<const N: usize>(mut p: [f32; N]) -> f32 {
         cell[axis] = low[axis] as i32;
     }
     let mut corners = [0.0; 16];
-    for (corner, value) in corners.iter_mut().enumerate().take(1 << N) {
-        let mut key = [0; N];
-        let mut offset = [0.0; N];
-        for axis in 0..N {
-            let step = (corner >> axis) & 1;
-            key[axis] = cell[axis].wrapping_add(step as i32) as u32;
-            offset[axis] = p[axis] - low[axis] - step as f32;
+    for (group, values) in corners.as_chunks_mut().0.iter_mut().enumerate() {
+        if group * LANES >= 1 << N {
+            break;
         }
-        *value = gradient(hash::words(&key), offset);
+        let mut keys = [[0; LANES]; N];
+        let mut offsets = [[0.0; LANES]; N];
+        for axis in 0..N {
+            for lane in 0..LANES {
+                let step = ((group * LANES + lane) >> axis) & 1;
+                keys[axis][lane] = cell[axis].wrapping_add(step as i32) as u32;
+                offsets[axis][lane] = p[axis] - low[axis] - step as f32;
+            }
+        }
+        *values = gradients(&hash::words_of_lanes(&keys), &offsets);
     }
     for axis in 0..N {
         let t = quintic(p[axis] - low[axis]);
