@@ -57,7 +57,7 @@ pub struct Subsurface {
     pub ior: f32,
     /// GGX alpha of the interface.
     pub alpha: f32,
-    /// Unit shading normal on the viewer's side, world space.
+    /// Unit shading normal, world space; as it reaches a walk, a mirror there looks above the surface.
     pub normal: Vec3A,
     /// Towards the viewer.
     pub incoming: Vec3A,

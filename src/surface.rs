@@ -344,9 +344,11 @@ impl Surface {
             _ => Vec3A::ZERO,
         };
         let rest = below.weight * (1.0 - spreads);
-        self.bsdf.add_diffuse(rest, Vec3A::ONE, below.normal, 0.0);
+        let normal = self.bsdf.reflecting_normal(below.normal);
+        self.bsdf.add_diffuse(rest, Vec3A::ONE, normal, 0.0);
         let below = Subsurface {
             weight: below.weight * spreads,
+            normal,
             ..below
         };
         match &mut self.below {
@@ -443,6 +445,7 @@ pub fn exit(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface
     let point = point_of(&facet, hit, &outside, info);
     let mut surface = bare(frame, hit, &point, ray.time);
     let normal = bumped_normal(frame, hit, &point);
+    let normal = surface.bsdf.reflecting_normal(normal);
     surface
         .bsdf
         .add_diffuse(Vec3A::ONE, Vec3A::ONE, normal, 0.0);

@@ -173,6 +173,13 @@ def bump(stage: Stage, kind: str, **values: Any) -> None:
     finish(stage, tree, diffuse)
 
 
+def steep(stage: Stage, kind: str, **values: Any) -> None:
+    """A shader whose normal leans by 55 degrees: a mirror there would often look below the surface."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    bent = add_node(tree, "ShaderNodeNormalMap", Color=(1.0, 0.0, 1.0, 1.0))
+    finish(stage, tree, add_node(tree, kind, Normal=bent.outputs[0], **values))
+
+
 def fine_bump(stage: Stage, **values: Any) -> None:
     """A floor alone, its normal bent by noise far finer than a pixel."""
     stage.clear()
@@ -328,6 +335,8 @@ TEXTURES = table(
     ("Image in Alpha", image_in, {"socket": "Alpha", "out": "Alpha"}),
     ("Image in Emission", image_in, {"socket": "Emission Color", "Emission Strength": 1.0}),
     ("Normal Map", bump, {"kind": "ShaderNodeNormalMap", "Strength": 0.5}),
+    ("Normal Map, steep, glossy", steep, {"kind": "ShaderNodeBsdfAnisotropic", "Roughness": 0.4}),
+    ("Normal Map, steep, subsurface", steep, {"kind": "ShaderNodeSubsurfaceScattering", "Scale": 0.1}),
     ("Bump", bump, {"kind": "ShaderNodeBump", "Strength": 0.5}),
     ("Bump, finer than a pixel", fine_bump, {"Filter Width": 0.1}),
     ("Bump, finer than a pixel, Filter Width 1", fine_bump, {"Filter Width": 1.0}),

@@ -572,23 +572,29 @@ impl Bsdf {
         if self.is_front { ior } else { 1.0 / ior }
     }
 
-    /// The normal, bent as little as lets a mirror send the viewer's direction back above the
-    /// surface.
+    /// The normal, bent towards the geometric one just so far that a mirror sends the viewer's
+    /// direction back above the surface.
     ///
-    /// The mirror direction is lifted to a grazing one; the new normal is halfway between it and the
-    /// viewer.
-    fn reflecting_normal(&self, normal: Vec3A) -> Vec3A {
+    /// In the plane of both normals let the viewer be at distance r and angle phi from the geometric
+    /// normal. A normal at the angle a sends it back to the height r cos(2a - phi), which is to be
+    /// `least`: cos(2a) follows. Cycles bends in this plane too.
+    pub fn reflecting_normal(&self, normal: Vec3A) -> Vec3A {
         /// Sine of the angle above the surface that a mirror direction must keep.
         const GRAZING: f32 = 0.01;
-        let (wo, geometric_normal) = (self.wo, self.geometric_normal);
-        let least = (0.9 * wo.dot(geometric_normal)).clamp(0.0, GRAZING);
+        let (wo, up) = (self.wo, self.geometric_normal);
+        let least = (0.9 * wo.dot(up)).clamp(0.0, GRAZING);
         let mirror = 2.0 * normal.dot(wo) * normal - wo;
-        let height = mirror.dot(geometric_normal);
-        if height >= least {
+        if mirror.dot(up) >= least {
             return normal;
         }
-        let lifted = (mirror + geometric_normal * (least - height)).normalize_or(geometric_normal);
-        (lifted + wo).normalize_or(geometric_normal)
+        let Some(side) = normal.reject_from_normalized(up).try_normalize() else {
+            return up;
+        };
+        let (x, z) = (wo.dot(side), wo.dot(up));
+        let r_squared = (x * x + z * z).max(f32::MIN_POSITIVE);
+        let across = (r_squared - least * least).max(0.0).sqrt();
+        let cos_twice = ((z * least - x * across) / r_squared).clamp(-1.0, 1.0);
+        (0.5 * (1.0 - cos_twice)).sqrt() * side + (0.5 * (1.0 + cos_twice)).sqrt() * up
     }
 
     /// Widens every glossy closure to at least this GGX alpha. Its energy stays what it was.

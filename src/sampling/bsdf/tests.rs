@@ -188,6 +188,34 @@ fn sampler_follows_its_pdf() {
     }
 }
 
+/// A normal that mirrors below the surface is bent towards the geometric one, in the plane of both, so
+/// far that it mirrors to the grazing height.
+#[test]
+fn steep_normals_mirror_above_the_surface() {
+    let mut bent_count = 0;
+    for row in 0..600 {
+        let [a, b, c] = [7.0, 11.0, 13.0].map(|k: f32| (row as f32 * k.sqrt()).fract());
+        let normal = crate::math::warp::sample_cosine_hemisphere([a, b]);
+        let (sin, cos) = (1.0 - c * c).sqrt().sin_cos();
+        let wo = Vec3A::new(cos, sin, 0.02 + c).normalize();
+        let bent = Bsdf::new(UP, wo, true).reflecting_normal(normal);
+        assert!((bent.length() - 1.0).abs() < 1e-5, "{row}: {bent}");
+        let height = (2.0 * bent.dot(wo) * bent - wo).z;
+        let least = (0.9 * wo.z).min(0.01);
+        assert!(height > least - 1e-4, "{row}: {height}");
+        if bent != normal {
+            bent_count += 1;
+            assert!((height - least).abs() < 1e-4, "{row}: {height}");
+            assert!(bent.z > normal.z, "{row}: {bent} {normal}");
+            assert!(
+                bent.dot(normal.cross(UP)).abs() < 1e-5,
+                "{row}: {bent} {normal}"
+            );
+        }
+    }
+    assert!(bent_count > 50, "{bent_count}");
+}
+
 #[test]
 fn narrow_lobes_follow_their_pdf() {
     for roughness in [0.03f32, 0.07] {
