@@ -8,6 +8,9 @@ from typing import Any
 import bpy
 import numpy as np
 
+from . import tangent
+from .tangent import read
+
 # How many numbers each type of attribute holds, and the property that reads them.
 ATTRIBUTE_TYPES = {
     "FLOAT": (1, "value"),
@@ -42,7 +45,7 @@ def read_layers(
 
 def _uv(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
     layer = mesh.uv_layers.get(name)
-    return None if layer is None else _padded(_read(layer.uv, "vector", 2))
+    return None if layer is None else _padded(read(layer.uv, "vector", 2))
 
 
 def _attribute(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
@@ -50,7 +53,7 @@ def _attribute(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
     if attribute is None or attribute.data_type not in ATTRIBUTE_TYPES:
         return None
     width, field = ATTRIBUTE_TYPES[attribute.data_type]
-    values = _read(attribute.data, field, width)
+    values = read(attribute.data, field, width)
     if width == 1:
         values = np.repeat(values, 3, axis=1)
     corners = _corner_elements(mesh, attribute.domain)
@@ -68,7 +71,7 @@ def _color(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
 
 def _generated(mesh: bpy.types.Mesh, _: str) -> np.ndarray:
     """From 0 to 1 within the texture space of the mesh before it is deformed."""
-    positions = _read(mesh.vertices, "undeformed_co", 3)
+    positions = read(mesh.vertices, "undeformed_co", 3)
     size = np.array(mesh.texspace_size, np.float32)
     scale = np.divide(0.5, size, out=np.zeros_like(size), where=size != 0.0)
     generated = (positions - np.array(mesh.texspace_location, np.float32)) * scale + 0.5
@@ -82,36 +85,22 @@ def _flat(mesh: bpy.types.Mesh, _: str) -> np.ndarray:
 
 
 def _tangent(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
-    """Tangents along a UV map (MikkTSpace, as Blender bakes with), and the bitangents' sign."""
+    """Tangents along a UV map (MikkTSpace, as Blender bakes with), and the bitangents' sign.
+
+    A mesh without any map has one from a sphere around it, as in Cycles.
+    """
     layers = mesh.uv_layers
     layer = layers.get(name) if name else next((m for m in layers if m.active_render), None)
     if layer is None:
-        return None
+        return None if name or layers else tangent.along(mesh, tangent.sphere(mesh), wraps=True)
     values = np.empty((len(mesh.loops), 4), np.float32)
     try:
         mesh.calc_tangents(uvmap=layer.name)
-        values[:, :3] = _read(mesh.loops, "tangent", 3)
-        values[:, 3:] = _read(mesh.loops, "bitangent_sign", 1)
-        mesh.free_tangents()
     except RuntimeError:  # Blender takes triangles and quads only.
-        return _tangent_of_polygons(mesh, _read(layer.uv, "vector", 2))
-    return values
-
-
-def _tangent_of_polygons(mesh: bpy.types.Mesh, uvs: np.ndarray) -> np.ndarray:
-    """One tangent per triangle, where Blender computes none: from how the map lies on it."""
-    mesh.calc_loop_triangles()
-    corners = _read(mesh.loop_triangles, "loops", 3, np.int32)
-    points = _read(mesh.vertices, "co", 3)[_corner_elements(mesh, "POINT")][corners]
-    edges = points[:, 1:] - points[:, :1]
-    (u1, v1), (u2, v2) = np.moveaxis(uvs[corners][:, 1:] - uvs[corners][:, :1], 0, -1)
-    tangents = edges[:, 0] * v2[:, None] - edges[:, 1] * v1[:, None]
-    determinant = u1 * v2 - u2 * v1
-    sign = np.where(determinant < 0.0, -1.0, 1.0)
-    tangents *= sign[:, None]
-    tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-30)
-    values = np.zeros((len(mesh.loops), 4), np.float32)
-    values[corners] = np.concatenate([tangents, sign[:, None]], axis=1)[:, None]
+        return tangent.along(mesh, read(layer.uv, "vector", 2))
+    values[:, :3] = read(mesh.loops, "tangent", 3)
+    values[:, 3:] = read(mesh.loops, "bitangent_sign", 1)
+    mesh.free_tangents()
     return values
 
 
@@ -120,9 +109,9 @@ def _corner_elements(mesh: bpy.types.Mesh, domain: str) -> Any:
     if domain == "CORNER":
         return slice(None)
     if domain == "POINT":
-        return _read(mesh.attributes[".corner_vert"].data, "value", 1, np.int32)[:, 0]
+        return read(mesh.attributes[".corner_vert"].data, "value", 1, np.int32)[:, 0]
     if domain == "FACE":
-        totals = _read(mesh.polygons, "loop_total", 1, np.int32)[:, 0]
+        totals = read(mesh.polygons, "loop_total", 1, np.int32)[:, 0]
         return np.repeat(np.arange(len(totals)), totals)
     return None
 
@@ -133,13 +122,6 @@ def _padded(values: np.ndarray) -> np.ndarray:
     padded[:, 3] = 1.0
     padded[:, : values.shape[1]] = values
     return padded
-
-
-def _read(collection: Any, name: str, width: int, dtype: type = np.float32) -> np.ndarray:
-    """One property of all elements as (count, width)."""
-    values = np.empty((len(collection), width), dtype)
-    collection.foreach_get(name, values.reshape(-1))
-    return values
 
 
 Reader = Callable[[bpy.types.Mesh, str], np.ndarray | None]

@@ -173,8 +173,11 @@ def bump(stage: Stage, kind: str, **values: Any) -> None:
     finish(stage, tree, diffuse)
 
 
-def steep(stage: Stage, kind: str, **values: Any) -> None:
+def steep(stage: Stage, kind: str, has_map: bool = True, **values: Any) -> None:
     """A shader whose normal leans by 55 degrees: a mirror there would often look below the surface."""
+    for thing in (stage.ball, stage.cube, stage.floor):
+        if not has_map:
+            thing.data.uv_layers.remove(thing.data.uv_layers[0])
     tree = node_tree(bpy.data.materials.new("Row"))
     bent = add_node(tree, "ShaderNodeNormalMap", Color=(1.0, 0.0, 1.0, 1.0))
     finish(stage, tree, add_node(tree, kind, Normal=bent.outputs[0], **values))
@@ -337,6 +340,7 @@ TEXTURES = table(
     ("Normal Map", bump, {"kind": "ShaderNodeNormalMap", "Strength": 0.5}),
     ("Normal Map, steep, glossy", steep, {"kind": "ShaderNodeBsdfAnisotropic", "Roughness": 0.4}),
     ("Normal Map, steep, subsurface", steep, {"kind": "ShaderNodeSubsurfaceScattering", "Scale": 0.1}),
+    ("Normal Map, steep, without UV map", steep, {"kind": "ShaderNodeBsdfDiffuse", "has_map": False}),
     ("Bump", bump, {"kind": "ShaderNodeBump", "Strength": 0.5}),
     ("Bump, finer than a pixel", fine_bump, {"Filter Width": 0.1}),
     ("Bump, finer than a pixel, Filter Width 1", fine_bump, {"Filter Width": 1.0}),
