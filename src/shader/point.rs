@@ -207,7 +207,7 @@ impl<'a> Point<'a> {
         let least = 64.0 * f32::EPSILON * self.position.abs().max_element();
         let pixel = self.view.pixel_size(self.ray_length);
         let size = (self.filter_width * pixel).max(least).max(1e-7);
-        let (x, y) = self.geometric_normal.any_orthonormal_pair();
+        let [x, y] = across(self.geometric_normal);
         [x * size, y * size]
     }
 
@@ -257,6 +257,15 @@ impl<'a> Point<'a> {
         let (u, v) = (self.barycentric.x, self.barycentric.y);
         Some(a * (1.0 - u - v) + b * u + c * v)
     }
+}
+
+/// Two orthonormal directions across a unit normal. They are those of Cycles, as where heights change
+/// within a pixel, a bump depends on where they are looked up.
+fn across(normal: Vec3A) -> [Vec3A; 2] {
+    let is_diagonal = normal.x == normal.y && normal.x == normal.z;
+    let reference = Vec3A::new(if is_diagonal { -1.0 } else { 1.0 }, 1.0, 1.0);
+    let x = reference.cross(normal).normalize();
+    [x, normal.cross(x)]
 }
 
 /// A mesh without layers, and a camera that sees nothing.
@@ -320,5 +329,24 @@ impl Point<'static> {
             view: &Bare,
             ray: &RAY,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Orthonormal and right-handed, also across the diagonals; above the ground those of Cycles.
+    #[test]
+    fn steps_lie_across_the_normal() {
+        let diagonal = Vec3A::ONE.normalize();
+        let normals = [diagonal, -diagonal, Vec3A::X, Vec3A::Z, -Vec3A::Y];
+        for normal in normals {
+            let [x, y] = across(normal);
+            assert!(x.dot(normal).abs() < 1e-6 && x.is_normalized());
+            assert!((x.cross(y) - normal).length() < 1e-6);
+        }
+        let half = 0.5f32.sqrt();
+        assert!((across(Vec3A::Z)[0] - Vec3A::new(half, -half, 0.0)).length() < 1e-6);
     }
 }
