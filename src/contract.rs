@@ -312,6 +312,13 @@ pub const FRAME: &[ArraySpec] = &[
         "Pass index of each material.",
     ),
     array(
+        "material_transparent_shadow",
+        U32,
+        &["M"],
+        "0 or 1",
+        "Whether rays that look for a light pass the material where others do.",
+    ),
+    array(
         "program_instructions",
         U32,
         &["N", "4"],

@@ -1536,7 +1536,7 @@ mod tests {
     /// A sun above a sheet: shadows take the share itself and no chance.
     #[test]
     fn a_shadow_is_as_deep_as_its_sheet() {
-        let floor_lit_through = |color: f32| {
+        let floor_lit_through = |color: f32, has_transparent_shadow: bool| {
             let mut scene = Scene::new();
             scene.world = plain_world(0.0);
             scene.camera = camera(Vec3::new(0.0, 0.0, 1.0), Vec3::ZERO, 0.7);
@@ -1552,10 +1552,15 @@ mod tests {
             scene.add(square(), Affine3A::IDENTITY, diffuse(0.5));
             let sheet = Material::of(&[("transparent", &[("Weight", 1.0), ("Color", color)])]);
             let above = Affine3A::from_translation(2.0 * Vec3::Z);
+            let sheet = Material {
+                has_transparent_shadow,
+                ..sheet
+            };
             scene.add(square(), above, sheet);
             seen(&scene)
         };
-        let share = floor_lit_through(0.3) / floor_lit_through(1.0);
+        let share = floor_lit_through(0.3, true) / floor_lit_through(1.0, true);
         assert!((share - 0.3).abs() < 1e-4, "{share}");
+        assert_eq!(floor_lit_through(0.3, false), 0.0);
     }
 }

@@ -9,7 +9,7 @@ use crate::math::{Ray, offset_origin};
 use crate::media::Collision;
 use crate::sampling::{Bsdf, Guides, Principled, alpha_of};
 use crate::scene::{Facet, Material, Membership, SceneFrame};
-use crate::shader::{self, Closure, Glossy, Point, RayInfo, Strand};
+use crate::shader::{self, Closure, Glossy, Point, RayInfo, RayKind, Strand};
 use crate::subsurface::{Method, Subsurface};
 
 mod hair;
@@ -568,6 +568,9 @@ impl Passage {
     pub fn at(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Self {
         match frame.material_of(hit.instance, hit.triangle) {
             Some(material) if material.is_see_through() => {
+                if info.kind == RayKind::Shadow && !material.has_transparent_shadow {
+                    return Self::CLOSED;
+                }
                 let facet = Facet::new(frame, hit.instance, hit.triangle, ray.time);
                 Self::of(frame, material, &point_of(&facet, hit, ray, info))
             }

@@ -61,6 +61,7 @@ class MaterialTable:
     # The same of what their volumes read from grids.
     grids: list[frozenset[str]] = field(default_factory=list)
     _pass_indices: list[int] = field(default_factory=list)
+    _transparent_shadows: list[bool] = field(default_factory=list)
     _matte_numbers: list[float] = field(default_factory=list)
     _rows: dict[int, int] = field(default_factory=dict)
 
@@ -79,7 +80,7 @@ class MaterialTable:
             if self.outputs and material and uses_nodes(material):
                 compile_outputs(compiler, material, self.outputs)
 
-        return self._row(uid, compiler, write)
+        return self._row(uid, compiler, write, casts_transparent_shadow(material))
 
     def index_of_volume(self, material: bpy.types.Material | None) -> int:
         """The same for the material of a volume object; None is Blender's default volume."""
@@ -119,7 +120,13 @@ class MaterialTable:
 
         return self._row(world.original.session_uid, compiler, write)
 
-    def _row(self, uid: int, compiler: Compiler, compile_owner: Callable[[], None]) -> int:
+    def _row(
+        self,
+        uid: int,
+        compiler: Compiler,
+        compile_owner: Callable[[], None],
+        transparent_shadow: bool = True,
+    ) -> int:
         if uid not in self._rows:
             program = self._program(uid, compiler, compile_owner)
             self.warnings.add_all(program.warnings)
@@ -128,6 +135,7 @@ class MaterialTable:
             self.layers.append(frozenset(program.layers))
             self.grids.append(frozenset(program.grids))
             self._pass_indices.append(compiler.material_index)
+            self._transparent_shadows.append(transparent_shadow)
             if self.mattes:
                 name = compiler.name or NO_MATERIAL
                 self._matte_numbers.append(self.mattes.number(MATERIAL, name))
@@ -149,12 +157,30 @@ class MaterialTable:
         indices = np.array(self._pass_indices, np.float32)
         mattes = np.array(self._matte_numbers, np.float32)
         programs = self.programs.arrays()
-        return {**programs, "material_index": indices, "material_mattes": mattes}
+        return {
+            **programs,
+            "material_index": indices,
+            "material_transparent_shadow": np.array(self._transparent_shadows, np.uint32),
+            "material_mattes": mattes,
+        }
 
 
 def uses_nodes(owner: bpy.types.Material | bpy.types.World) -> bool:
     """Whether the node tree counts. From Blender 5.0 on it always does and `use_nodes` is going."""
     return owner.node_tree is not None and (bpy.app.version >= (5, 0, 0) or owner.use_nodes)
+
+
+def casts_transparent_shadow(material: bpy.types.Material | None) -> bool:
+    """Whether rays that look for a light pass a material where others do.
+
+    A body of nothing but a volume has no surface that could stop them.
+    """
+    if material is None or material.use_transparent_shadow:
+        return True
+    try:
+        return uses_nodes(material) and surface(material.node_tree) is None
+    except RecursiveGroup:
+        return False
 
 
 def compile_material(compiler: Compiler, material: bpy.types.Material | None) -> None:

@@ -154,6 +154,8 @@ pub struct Material {
     pub output: Program,
     /// Its pass index.
     pub pass_index: f32,
+    /// Whether rays that look for a light pass it where others do.
+    pub has_transparent_shadow: bool,
 }
 
 impl Material {
@@ -167,6 +169,7 @@ impl Material {
             displacement: Displacement::of(draft.program(Use::Displacement)),
             output: draft.program(Use::Output),
             pass_index: 0.0,
+            has_transparent_shadow: true,
         }
     }
 

@@ -98,6 +98,13 @@ def told_apart(stage: Stage) -> None:
     give(leaf, bpy.data.materials["Row"])
 
 
+def opaque_to_lamps(stage: Stage, kind: str, **values: Any) -> None:
+    """What lets light pass, but for rays that look for a lamp."""
+    see_through(stage, kind, **values)
+    for thing in (stage.ball, stage.cube):
+        thing.data.materials[0].use_transparent_shadow = False
+
+
 def glass(stage: Stage, kind: str, **values: Any) -> None:
     """Something that refracts, in light from a large lamp: small ones make caustics of noise."""
     see_through(stage, kind, **values)
@@ -299,6 +306,8 @@ SHADERS = table(
     ("Refraction", glass, {"kind": "ShaderNodeBsdfRefraction", "Roughness": 0.2, "IOR": 1.3}),
     ("Translucent", see_through, {"kind": "ShaderNodeBsdfTranslucent", "Color": ORANGE}),
     ("Transparent", see_through, {"kind": "ShaderNodeBsdfTransparent", "Color": (0.8, 0.4, 0.6, 1.0)}),
+    ("Transparent, opaque shadow", opaque_to_lamps, {"kind": "ShaderNodeBsdfTransparent", "Color": (0.8, 0.4, 0.6, 1.0)}),
+    ("Principled, alpha 0.4, opaque shadow", opaque_to_lamps, {"kind": PRINCIPLED, "Base Color": ORANGE, "Alpha": 0.4}),
     ("Emission", shader, {"kind": "ShaderNodeEmission", "Color": ORANGE, "Strength": 3.0}),
     ("Sheen", shader, {"kind": "ShaderNodeBsdfSheen", "Color": ORANGE, "Roughness": 0.4}),
     ("Toon", shader, {"kind": "ShaderNodeBsdfToon", "Color": ORANGE, "Size": 0.5, "Smooth": 0.2}),

@@ -325,6 +325,22 @@ def test_a_volumes_shader_does_nothing_to_a_surface() -> None:
     assert (closure.kind, warnings) == ("Diffuse", [])
 
 
+def test_shadows_are_as_transparent_as_the_material_says() -> None:
+    def build(tree: Any) -> Any:
+        return node(tree, "ShaderNodeBsdfTransparent").outputs[0]
+
+    owner = add_mesh()
+    opaque, fog, clear = (add_material(name, build) for name in ("Opaque", "Fog", "Clear"))
+    with_volume(fog.node_tree, node(fog.node_tree, "ShaderNodeVolumeScatter"))
+    fog.node_tree.links.remove(fog.node_tree.get_output_node("ALL").inputs["Surface"].links[0])
+    for material in (opaque, fog, clear):
+        owner.data.materials.append(material)
+        material.use_transparent_shadow = material is clear
+    arrays = export_now(core=Core()).arrays
+    said = arrays["material_transparent_shadow"][arrays["slot_materials"]]
+    assert said.tolist() == [0, 1, 1]
+
+
 def test_distributions_beyond_are_named() -> None:
     def build(tree: Any) -> Any:
         brushed = node(tree, "ShaderNodeBsdfAnisotropic", Anisotropy=0.5)

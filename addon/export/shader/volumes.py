@@ -37,8 +37,8 @@ def _volume(compiler: Compiler, end: Source | Constant, weight: Operand) -> None
         compiler.emit("volume", weight, ZERO, ZERO, compiler.color(end), ZERO)
     elif compile_shader := VOLUMES.get(end.node.bl_idname):
         compile_shader(compiler, end, weight)
-    else:
-        compiler.missing(f"{end.label} as a volume")
+    elif end.node.bl_idname.startswith("ShaderNodeVolume"):  # others do nothing in a volume
+        compiler.missing(end.label)
 
 
 def absorption(compiler: Compiler, source: Source, weight: Operand) -> None:
