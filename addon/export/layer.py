@@ -94,10 +94,12 @@ def _tangent(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
     if layer is None:
         return None if name or layers else tangent.along(mesh, tangent.sphere(mesh), wraps=True)
     values = np.empty((len(mesh.loops), 4), np.float32)
+    # Read now: `layer` may be no more once Blender has tried.
+    uvs = read(layer.uv, "vector", 2)
     try:
         mesh.calc_tangents(uvmap=layer.name)
     except RuntimeError:  # Blender takes triangles and quads only.
-        return tangent.along(mesh, read(layer.uv, "vector", 2))
+        return tangent.along(mesh, uvs)
     values[:, :3] = read(mesh.loops, "tangent", 3)
     values[:, 3:] = read(mesh.loops, "bitangent_sign", 1)
     mesh.free_tangents()
