@@ -74,8 +74,8 @@ def test_larger_polygons_share_tangents() -> None:
     found = layer.read_layers(mesh, frozenset({"tangent:"}), print)["tangent:"]
     vertices = tangent.read(mesh.loops, "vertex_index", 1, np.int32)[:, 0]
     points = tangent.read(mesh.vertices, "co", 3)[vertices]
-    # Away from the poles they run around the axis; those of single faces would be 15 degrees off. Few
-    # do not: three corners of a joined face may lie on one line of the map.
+    # Away from the poles they run around the axis; those of single faces would be 15 degrees off.
+    # Few do not: three corners of a joined face may lie on one line of the map.
     away = np.abs(points[:, 2]) < 0.8
     around = np.stack([-points[:, 1], points[:, 0]], 1)
     around /= np.maximum(np.linalg.norm(around, axis=1, keepdims=True), 1e-6)
