@@ -15,6 +15,21 @@ BLENDER_OWN = {
     "film_transparent_roughness": lambda scene: _cycles(scene, "film_transparent_roughness", 0.1),
 }
 
+# Settings that are those of Cycles, under its name, until they are set for DualCone: a scene made
+# for Cycles then bounces and filters light as it did.
+CYCLES_NAMES = {
+    "max_bounces": "max_bounces",
+    "diffuse_bounces": "diffuse_bounces",
+    "glossy_bounces": "glossy_bounces",
+    "transmission_bounces": "transmission_bounces",
+    "volume_bounces": "volume_bounces",
+    "transparent_max_bounces": "transparent_max_bounces",
+    "caustics_reflective": "caustics_reflective",
+    "caustics_refractive": "caustics_refractive",
+    "filter": "pixel_filter_type",
+    "filter_width": "filter_width",
+}
+
 
 def _cycles(scene: bpy.types.Scene, name: str, default: Any) -> Any:
     """Return a setting of Cycles, whose add-on may be off."""
@@ -68,12 +83,20 @@ def _view_layer_group() -> type:
 
 def settings_of(scene: bpy.types.Scene) -> dict[str, Any]:
     """Return every setting of the renderer by name, as plain values."""
-    own = cast(Any, scene).dualcone
     names = [spec["name"] for spec in core.contract()["settings"]]
     return {
-        name: BLENDER_OWN[name](scene) if name in BLENDER_OWN else getattr(own, name)
+        name: BLENDER_OWN[name](scene) if name in BLENDER_OWN else getattr(*place_of(scene, name))
         for name in names
     }
+
+
+def place_of(scene: bpy.types.Scene, name: str) -> tuple[Any, str]:
+    """Return whose property holds a setting, and that property's name."""
+    own = cast(Any, scene).dualcone
+    cycles_name = CYCLES_NAMES.get(name)
+    if cycles_name and hasattr(scene, "cycles") and not own.is_property_set(name):
+        return scene.cycles, cycles_name
+    return own, name
 
 
 _registered: list[tuple[Any, type]] = []

@@ -12,6 +12,7 @@ from bl_ui.utils import PresetPanel
 
 from . import core, denoise, passes
 from .engine import DualConeEngine
+from .properties import place_of, settings_of
 
 ENGINE = DualConeEngine.bl_idname
 
@@ -180,17 +181,14 @@ class DUALCONE_PT_light_paths(RenderPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings."""
         layout = labelled_rows(self)
-        settings = context.scene.dualcone
+        scene, settings = context.scene, context.scene.dualcone
         column = layout.column(align=True)
-        column.prop(settings, "max_bounces")
-        column.prop(settings, "diffuse_bounces")
-        column.prop(settings, "glossy_bounces")
-        column.prop(settings, "transmission_bounces")
-        column.prop(settings, "volume_bounces")
-        column.prop(settings, "transparent_max_bounces")
+        for kind in ("max", "diffuse", "glossy", "transmission", "volume", "transparent_max"):
+            name = f"{kind}_bounces"
+            column.prop(*place_of(scene, name), text=settings.bl_rna.properties[name].name)
         column = layout.column(heading="Caustics", align=True)
-        column.prop(settings, "caustics_reflective", text="Reflective")
-        column.prop(settings, "caustics_refractive", text="Refractive")
+        column.prop(*place_of(scene, "caustics_reflective"), text="Reflective")
+        column.prop(*place_of(scene, "caustics_refractive"), text="Refractive")
         layout.prop(settings, "blur_glossy")
         column = layout.column(align=True)
         column.prop(settings, "clamp_direct")
@@ -206,7 +204,7 @@ class DUALCONE_PT_film(RenderPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings."""
         layout = labelled_rows(self)
-        scene, settings = context.scene, context.scene.dualcone
+        scene = context.scene
         if hasattr(scene, "cycles"):
             layout.prop(scene.cycles, "film_exposure", text="Exposure")
         layout.prop(scene.render, "film_transparent", text="Transparent")
@@ -215,10 +213,10 @@ class DUALCONE_PT_film(RenderPanel, bpy.types.Panel):
             glass.active = scene.render.film_transparent
             glass.prop(scene.cycles, "film_transparent_glass", text="Transparent Glass")
             glass.prop(scene.cycles, "film_transparent_roughness", text="Roughness Threshold")
-        layout.prop(settings, "filter")
+        layout.prop(*place_of(scene, "filter"), text="Pixel Filter")
         width = layout.column()
-        width.active = settings.filter != "BOX"
-        width.prop(settings, "filter_width")
+        width.active = settings_of(scene)["filter"] != "BOX"
+        width.prop(*place_of(scene, "filter_width"), text="Width")
 
 
 class DUALCONE_PT_motion_blur(RenderPanel, bpy.types.Panel):

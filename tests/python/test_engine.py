@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from addon import core, engine, session
 from addon.engine import DualConeEngine
+from addon.properties import place_of, settings_of
 from addon.session import SESSION
 from export_oracle import add_material, textured_diffuse
 from shots import animate, moving_cube, read, still, write_single_layer
@@ -413,3 +414,16 @@ def test_presets_are_found_and_set_the_samples(scene: Any, preset: str, samples:
     assert path is not None
     bpy.ops.script.execute_preset(filepath=path, menu_idname="DUALCONE_PT_sampling_presets")
     assert scene.dualcone.samples == samples
+
+
+def test_light_bounces_and_is_filtered_as_in_cycles_until_it_is_said_otherwise(scene: Any) -> None:
+    scene.cycles.max_bounces, scene.cycles.pixel_filter_type = 3, "GAUSSIAN"
+    scene.cycles.caustics_refractive = False
+    settings = settings_of(scene)
+    assert (settings["max_bounces"], settings["filter"]) == (3, "GAUSSIAN")
+    assert (settings["caustics_refractive"], settings["caustics_reflective"]) == (False, True)
+    assert place_of(scene, "max_bounces") == (scene.cycles, "max_bounces")
+    scene.dualcone.max_bounces = 12  # the default, but chosen
+    assert settings_of(scene)["max_bounces"] == 12
+    assert place_of(scene, "max_bounces") == (scene.dualcone, "max_bounces")
+    assert settings_of(scene)["filter"] == "GAUSSIAN"
