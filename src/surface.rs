@@ -310,9 +310,14 @@ impl Surface {
                 color,
                 roughness,
                 normal,
+                is_velvet,
             } => {
                 let weight = scaled(weight) * color.max(Vec3A::ZERO);
-                bsdf.add_sheen(weight, bent(normal), roughness);
+                if is_velvet {
+                    bsdf.add_velvet(weight, bent(normal), roughness);
+                } else {
+                    bsdf.add_sheen(weight, bent(normal), roughness);
+                }
             }
             Closure::Toon(toon) => {
                 let weight = scaled(toon.weight) * toon.color.max(Vec3A::ZERO);

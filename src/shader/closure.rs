@@ -28,12 +28,13 @@ pub enum Closure {
         color: Vec3A,
         normal: Vec3A,
     },
-    /// Sheen of microscopic fibres.
+    /// Sheen of microscopic fibres; Ashikhmin's velvet, or else Zeltner's.
     Sheen {
         weight: f32,
         color: Vec3A,
         roughness: f32,
         normal: Vec3A,
+        is_velvet: bool,
     },
     /// Even light within a cone.
     Toon(Toon),

@@ -253,7 +253,7 @@ pub static OPERATIONS: &[Operation] = &[
     closure("glass", &["Weight", "Color", "Roughness", "IOR", "Normal"], Modes(&[DISTRIBUTIONS]), closures::glass),
     closure("refraction", &["Weight", "Color", "Roughness", "IOR", "Normal"], Modes(&[DISTRIBUTIONS]), closures::refraction),
     closure("translucent", &["Weight", "Color", "Normal"], None, closures::translucent),
-    closure("sheen", &["Weight", "Color", "Roughness", "Normal"], None, closures::sheen),
+    closure("sheen", &["Weight", "Color", "Roughness", "Normal"], Modes(&[&["MICROFIBER", "ASHIKHMIN"]]), closures::sheen),
     closure("toon", &["Weight", "Color", "Size", "Smooth", "Normal"], Modes(&[&["DIFFUSE", "GLOSSY"]]), closures::toon),
     closure("hair", &["Weight", "Color", "Melanin", "Melanin Redness", "Tint", "Absorption Coefficient", "Roughness", "Radial Roughness", "Coat", "IOR", "Offset", "Random Color", "Random Roughness", "Random"], Modes(&[PIGMENTS]), closures::hair),
     closure("streak", &["Weight", "Color", "Offset", "RoughnessU", "RoughnessV", "Tangent"], Modes(&[&["Reflection", "Transmission"]]), closures::streak),

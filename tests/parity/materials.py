@@ -310,6 +310,8 @@ SHADERS = table(
     ("Principled, alpha 0.4, opaque shadow", opaque_to_lamps, {"kind": PRINCIPLED, "Base Color": ORANGE, "Alpha": 0.4}),
     ("Emission", shader, {"kind": "ShaderNodeEmission", "Color": ORANGE, "Strength": 3.0}),
     ("Sheen", shader, {"kind": "ShaderNodeBsdfSheen", "Color": ORANGE, "Roughness": 0.4}),
+    ("Sheen, Ashikhmin", shader, {"kind": "ShaderNodeBsdfSheen", "distribution": "ASHIKHMIN", "Color": ORANGE, "Roughness": 0.4}),
+    ("Sheen, Ashikhmin, rough", shader, {"kind": "ShaderNodeBsdfSheen", "distribution": "ASHIKHMIN", "Color": ORANGE, "Roughness": 0.9}),
     ("Toon", shader, {"kind": "ShaderNodeBsdfToon", "Color": ORANGE, "Size": 0.5, "Smooth": 0.2}),
     ("Toon, hard", shader, {"kind": "ShaderNodeBsdfToon", "Color": ORANGE, "Size": 0.7, "Smooth": 0.0}),
     ("Toon, glossy", shader, {"kind": "ShaderNodeBsdfToon", "component": "GLOSSY", "Size": 0.3, "Smooth": 0.1}),

@@ -86,7 +86,8 @@ def _modes(source: Source, operation: Operation) -> list[str]:
     component = getattr(source.node, "component", "")  # of Toon
     walk = "RANDOM_WALK_SKIN" if walk == "RANDOM_WALK_SKIN" else "RANDOM_WALK"
     keeps_all = str(distribution == "MULTI_GGX")
-    distribution = distribution if distribution in DISTRIBUTIONS else "GGX"
+    if distribution not in (*DISTRIBUTIONS, *FIBRES):
+        distribution = "GGX"
     chosen = (keeps_all, distribution, walk, component)
     return [mode for modes in operation.modes for mode in chosen if mode in modes]
 
@@ -94,6 +95,8 @@ def _modes(source: Source, operation: Operation) -> list[str]:
 # How microfacets may lie, and the closures that know all of them.
 DISTRIBUTIONS = ("GGX", "MULTI_GGX", "BECKMANN")
 MICROFACETS = ("glossy", "glass", "refraction")
+# How the fibres of cloth may stand.
+FIBRES = ("MICROFIBER", "ASHIKHMIN")
 
 
 def closure(name: str) -> Shader:
@@ -108,11 +111,10 @@ def closure(name: str) -> Shader:
 
 def _warn_of_closure(compiler: Compiler, source: Source, name: str) -> None:
     distribution = getattr(source.node, "distribution", "GGX")
-    known = DISTRIBUTIONS if name in MICROFACETS else ("GGX", "MULTI_GGX", "MICROFIBER")
+    known = DISTRIBUTIONS if name in MICROFACETS else ("GGX", "MULTI_GGX", *FIBRES)
     if distribution not in known:
-        instead = "Microfiber" if name == "sheen" else "GGX"
         what = distribution.replace("_", "-").title()
-        compiler.missing(f"{what} distribution", f"{instead} is used")
+        compiler.missing(f"{what} distribution", "GGX is used")
     compiler.missing_unless(source, "Thin Film Thickness", 0.0, "Thin Film")
 
 

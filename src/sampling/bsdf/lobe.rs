@@ -8,6 +8,7 @@ use super::microfacet::{Interface, Reflection};
 use super::phase::Phase;
 use super::streak::Streak;
 use super::toon::Toon;
+use super::velvet::Velvet;
 use super::{Part, Scattered};
 use crate::math::Beckmann;
 use crate::math::warp::sample_cosine_hemisphere;
@@ -21,6 +22,7 @@ pub enum Model {
     BeckmannInterface(Interface<Beckmann>),
     OrenNayar(OrenNayar),
     Sheen(Sheen),
+    Velvet(Velvet),
     Translucent(Translucent),
     Phase(Phase),
     Toon(Toon),
@@ -67,7 +69,7 @@ impl Lobe {
 
     fn is_diffuse(&self) -> bool {
         match &self.model {
-            Model::OrenNayar(_) | Model::Sheen(_) => true,
+            Model::OrenNayar(_) | Model::Sheen(_) | Model::Velvet(_) => true,
             Model::Toon(toon) => !toon.is_glossy(),
             _ => false,
         }
@@ -108,6 +110,7 @@ impl Lobe {
             (Model::BeckmannInterface(own), Model::BeckmannInterface(other)) => own.add(other),
             (Model::OrenNayar(own), Model::OrenNayar(other)) => own.weight += other.weight,
             (Model::Sheen(own), Model::Sheen(other)) => own.weight += other.weight,
+            (Model::Velvet(own), Model::Velvet(other)) => own.weight += other.weight,
             (Model::Translucent(own), Model::Translucent(other)) => own.weight += other.weight,
             (Model::Phase(own), Model::Phase(other)) => own.weight += other.weight,
             (Model::Toon(own), Model::Toon(other)) => own.weight += other.weight,
@@ -128,6 +131,7 @@ impl Lobe {
             Model::BeckmannInterface(i) => i.tint(color),
             Model::OrenNayar(d) => d.weight *= color,
             Model::Sheen(s) => s.weight *= color,
+            Model::Velvet(v) => v.weight *= color,
             Model::Translucent(t) => t.weight *= color,
             Model::Phase(p) => p.weight *= color,
             Model::Toon(t) => t.weight *= color,
@@ -198,6 +202,7 @@ impl Lobe {
             Model::BeckmannInterface(i) => i.eval(wo, wi),
             Model::OrenNayar(d) => d.eval(wo, wi),
             Model::Sheen(s) => s.eval(wi),
+            Model::Velvet(v) => v.eval(wo, wi),
             Model::Translucent(t) => t.eval(wi),
             Model::Phase(p) => Some(p.eval(wo, wi)),
             Model::Toon(t) => t.eval(wo, wi),
@@ -234,6 +239,7 @@ impl Lobe {
             Model::BeckmannInterface(i) => i.sample(wo, u_choice, u),
             Model::OrenNayar(_) => Some(sample_cosine_hemisphere(u)),
             Model::Sheen(s) => Some(s.sample(u)),
+            Model::Velvet(_) => Some(Velvet::sample(u)),
             Model::Translucent(_) => Some(Translucent::sample(u)),
             Model::Phase(p) => Some(p.sample(wo, u)),
             Model::Toon(t) => Some(t.sample(wo, u)),

@@ -25,6 +25,7 @@ mod phase;
 mod principled;
 mod streak;
 mod toon;
+mod velvet;
 
 use glam::{Quat, Vec3A};
 
@@ -43,6 +44,7 @@ pub use phase::sample_scattered;
 pub use principled::Principled;
 use streak::Streak;
 use toon::Toon;
+use velvet::Velvet;
 
 /// Closures that a surface may have beside its Lambert part: a Principled BSDF with all its layers.
 /// Further ones take the shape of the last one of their kind; each place costs time at every hit.
@@ -411,6 +413,14 @@ impl Bsdf {
         let (sheen, albedo) = Sheen::new(weight, roughness, wo);
         self.add(view, Model::Sheen(sheen), [albedo, Vec3A::ZERO]);
         albedo
+    }
+
+    /// Adds a Sheen BSDF by Ashikhmin; the weight includes its colour. Choosing takes that weight for
+    /// its albedo, as in Cycles: what it reflects is between nothing and twice as much.
+    pub fn add_velvet(&mut self, weight: Vec3A, normal: Vec3A, roughness: f32) {
+        let view = self.view(normal, None);
+        let velvet = Velvet::new(weight, roughness);
+        self.add(view, Model::Velvet(velvet), [weight, Vec3A::ZERO]);
     }
 
     /// Adds a Toon BSDF; the weight includes its colour. `size` and `smooth` are shares of a right

@@ -333,7 +333,7 @@ fn extreme_parameters_stay_finite() {
 const BECKMANN: Distribution = Distribution::Beckmann;
 
 /// Every closure that is not Lambert alone, seen under a cosine from outside or inside.
-fn each_closure(cos: f32, roughness: f32, is_front: bool) -> [(&'static str, Bsdf); 11] {
+fn each_closure(cos: f32, roughness: f32, is_front: bool) -> [(&'static str, Bsdf); 12] {
     let grain = Vec3A::new(1.0, 0.4, 0.0);
     let made = |name, add: &dyn Fn(&mut Bsdf)| {
         let mut bsdf = Bsdf::new(UP, seen_under(cos).wo, is_front);
@@ -346,6 +346,7 @@ fn each_closure(cos: f32, roughness: f32, is_front: bool) -> [(&'static str, Bsd
         made("sheen", &|b| {
             b.add_sheen(ONE, UP, roughness);
         }),
+        made("velvet", &|b| b.add_velvet(ONE, UP, roughness)),
         made("toon", &|b| b.add_toon(ONE, UP, roughness, 0.2, false)),
         made("glossy toon", &|b| {
             b.add_toon(ONE, UP, 0.5 * roughness, 0.2, true)
@@ -542,6 +543,21 @@ fn a_cartoons_light_is_even_and_fades_out() {
             );
         }
     }
+}
+
+/// The formula of the paper at one pair of directions, in doubles: with the viewer on the normal
+/// and light at 60 degrees the half vector lies at 30.
+#[test]
+fn velvet_follows_ashikhmins_formula() {
+    let mut bsdf = Bsdf::new(UP, UP, true);
+    bsdf.add_velvet(ONE, UP, 0.5);
+    let (sin, cos) = std::f32::consts::FRAC_PI_3.sin_cos();
+    let (values, _) = bsdf.eval(Vec3A::new(sin, 0.0, cos));
+    // D = exp(-3 / sigma^2) / (pi sigma^2 sin^4), G = 2 cos_h cos_i / cos_h = 1.
+    let density = (-3.0f64 / 0.25).exp() / (std::f64::consts::PI * 0.25 * 0.0625);
+    let expected = 0.25 * density;
+    let off = f64::from(values.diffuse.x) / expected - 1.0;
+    assert!(off.abs() < 1e-4, "{} {expected}", values.diffuse);
 }
 
 /// What sheen takes from the layers below is what it reflects itself.

@@ -124,6 +124,7 @@ pub fn sheen(a: &Args) -> Closure {
         color: vector(a, 1),
         roughness: float(a, 2),
         normal: vector(a, 3),
+        is_velvet: a.is_on(0),
     }
 }
 
