@@ -17,6 +17,7 @@
 pub mod error;
 pub mod contract;
 pub mod math;
+pub mod optics;
 #[allow(unsafe_code)]
 pub mod kernel;
 pub mod image;

@@ -270,9 +270,9 @@ impl Surface {
         let bent = |normal: Vec3A| normal_at(point, normal);
         match *closure {
             Closure::Principled(ref p) => {
-                let beneath = bsdf.add_principled(scaled(p.weight), &principled(p, point));
-                if beneath.subsurface != Vec3A::ZERO {
-                    self.add_subsurface(below_principled(p, beneath.subsurface, point), point);
+                let below = bsdf.add_principled(scaled(p.weight), &principled(p, point));
+                if below != Vec3A::ZERO {
+                    self.add_subsurface(below_principled(p, below, point), point);
                 }
             }
             Closure::Diffuse {
@@ -508,8 +508,7 @@ fn add_glossy(bsdf: &mut Bsdf, glossy: &Glossy, weight: Vec3A, point: &Point) {
     );
 }
 
-/// What the node's inputs mean here. Emission is a closure of its own, which sheen and coat do not
-/// dim (in Cycles they do): light sampling could not know it.
+/// What the node's inputs mean here.
 fn principled(p: &shader::Principled, point: &Point) -> Principled {
     let normal = normal_at(point, p.normal);
     Principled {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// A module imports from its own layer and from those above, in the order of `lib.rs`.
 const LAYERS: &[&[&str]] = &[
-    &["error", "contract", "math", "kernel"],
+    &["error", "contract", "math", "optics", "kernel"],
     &["image", "shader"],
     &["scene", "film"],
     &["accel", "sampling", "record"],

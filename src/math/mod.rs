@@ -7,6 +7,7 @@ pub mod cone;
 mod filter;
 mod frame;
 mod ggx;
+mod mirror;
 mod ray;
 #[cfg(test)]
 pub(crate) mod statistics;
@@ -16,6 +17,7 @@ pub use beckmann::Beckmann;
 pub use filter::PixelFilter;
 pub use frame::Frame;
 pub use ggx::Ggx;
+pub use mirror::reflecting_normal;
 pub use ray::{MIDDLE_TIME, Ray, offset_origin};
 
 /// Rec. 709 luminance of a scene-linear colour.

@@ -6,7 +6,7 @@ use glam::{Vec3A, Vec4};
 
 use super::closure::{Closure, DISTRIBUTIONS, PIGMENTS};
 use super::ops::{
-    closures, color, convert, input, noise, normal, pattern, texture, vector, voronoi,
+    closures, color, convert, input, layers, noise, normal, pattern, texture, vector, voronoi,
 };
 use super::point::Point;
 use crate::image::Image;
@@ -239,6 +239,7 @@ pub static OPERATIONS: &[Operation] = &[
     here("ambient_occlusion", &["Distance", "Normal", "samples"], Modes(&[OFF_ON, OFF_ON]), input::ambient_occlusion),
     here("fresnel", &["IOR", "Normal"], None, normal::fresnel),
     here("layer_weight", &["Blend", "Normal"], Modes(&[&["Fresnel", "Facing"]]), normal::layer_weight),
+    here("below_layers", &["Normal", "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal", "Sheen Weight", "Sheen Roughness", "Sheen Tint"], None, layers::below_layers),
     here("normal_map", &["Strength", "Color", "Tangent", "Sign"], Modes(&[&["TANGENT", "OBJECT", "WORLD", "BLENDER_OBJECT", "BLENDER_WORLD"]]), normal::normal_map),
     here("bevel", &["Radius", "Normal", "samples"], None, input::bevel),
     here("bump", &["Strength", "Distance", "Normal", "Height", "Height X", "Height Y", "Filter Width"], Modes(&[OFF_ON, OFF_ON]), normal::bump),

@@ -278,6 +278,8 @@ SHADERS = table(
     ("Principled, anisotropic", principled, {"Metallic": 1.0, "Roughness": 0.4, "Anisotropic": 0.8}),
     ("Principled, coat", principled, {"Coat Weight": 1.0, "Coat Roughness": 0.1}),
     ("Principled, tinted coat", principled, {"Coat Weight": 1.0, "Coat Roughness": 0.3, "Coat Tint": (0.9, 0.5, 0.2, 1.0)}),
+    ("Principled, light below a coat", principled, {"Coat Weight": 1.0, "Coat Roughness": 0.2, "Coat Tint": (0.9, 0.5, 0.2, 1.0), "Emission Color": (1.0, 1.0, 1.0, 1.0), "Emission Strength": 1.0}),
+    ("Principled, light below sheen and coat", principled, {"Sheen Weight": 0.8, "Sheen Roughness": 0.4, "Sheen Tint": ORANGE, "Coat Weight": 0.5, "Emission Color": (1.0, 1.0, 1.0, 1.0), "Emission Strength": 1.0}),
     ("Principled, sheen", principled, {"Sheen Weight": 1.0, "Sheen Roughness": 0.4}),
     ("Principled, subsurface", principled, {"Subsurface Weight": 1.0, "Subsurface Radius": (0.3, 0.1, 0.05)}),
     ("Principled, subsurface, wide", principled, {"Subsurface Weight": 1.0, "Subsurface Scale": 1.0}),

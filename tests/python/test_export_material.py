@@ -208,8 +208,6 @@ def test_links_are_followed_through_groups_reroutes_and_mutes() -> None:
 
 LEFT_OUT = [
     (["Thin Film Thickness"], "Thin Film is not rendered yet"),
-    (["Emission Strength", "Coat Weight"], "Coat over Emission is not rendered yet"),
-    (["Emission Strength", "Sheen Weight"], "Sheen over Emission is not rendered yet"),
 ]
 
 

@@ -124,13 +124,10 @@ def principled(compiler: Compiler, source: Source, weight: Operand) -> None:
     if source.node.subsurface_method == "BURLEY":
         what = ("Christensen-Burley", "Random Walk is used")
         compiler.missing_unless(source, "Subsurface Weight", 0.0, *what)
-    if not compiler.holds(source, "Emission Strength", 0.0):
-        for layer in ("Coat", "Sheen"):
-            compiler.missing_unless(source, f"{layer} Weight", 0.0, f"{layer} over Emission")
     alpha = compiler.saturated(compiler.input(source, "Alpha"))
     opaque = compiler.times(weight, alpha)
     _closure(compiler, source, "principled", opaque)
-    _emission(compiler, source, "Emission Color", "Emission Strength", opaque)
+    _emission(compiler, source, "Emission Color", "Emission Strength", opaque, below_layers)
     if alpha != ONE:
         compiler.emit("transparent", compiler.times(weight, compiler.rest(alpha)), ONE)
 
@@ -253,14 +250,27 @@ def add(compiler: Compiler, source: Source, weight: Operand) -> None:
     _linked_shader(compiler, source, "Shader_001", weight)
 
 
+def below_layers(compiler: Compiler, source: Source) -> Operand:
+    """Share of a Principled BSDF's own light that its sheen and coat let through."""
+    if all(compiler.holds(source, f"{layer} Weight", 0.0) for layer in ("Coat", "Sheen")):
+        return ONE
+    inputs = compiler.operations["below_layers"].inputs
+    return compiler.emit("below_layers", *(compiler.input(source, name) for name in inputs))
+
+
 def _emission(
-    compiler: Compiler, source: Source, color: str, strength: str, weight: Operand
+    compiler: Compiler,
+    source: Source,
+    color: str,
+    strength: str,
+    weight: Operand,
+    share: Callable[[Compiler, Source], Operand] = lambda *_: ONE,
 ) -> None:
-    """Light; with a strength of zero nobody asks for its colour."""
+    """Light; with a strength of zero nobody asks for its colour, nor for the share that leaves."""
     factor = compiler.input(source, strength)
     if factor != ZERO:
         radiance = compiler.times(compiler.input(source, color), factor)
-        compiler.emit("emission", weight, radiance)
+        compiler.emit("emission", weight, compiler.times(radiance, share(compiler, source)))
 
 
 Shader = Callable[[Compiler, Source, Operand], None]

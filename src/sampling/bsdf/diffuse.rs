@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3A};
 
 use super::{Part, Scattered};
 use crate::math::warp::{pdf_cosine_hemisphere, sample_cosine_hemisphere};
+use crate::optics;
 
 /// A rough diffuse surface seen from a fixed direction.
 ///
@@ -117,14 +118,7 @@ impl Sheen {
         let a = (2.58126 * x + 0.813_703 * y) * y / (1.0 + 0.310_327 * x * x + 2.60994 * x * y);
         let b = (1.0 - x).sqrt() * (y - 1.0) * y * y * y
             / (0.000_025_405_3 + 1.71228 * x - 1.71506 * x * y + 1.34174 * y * y);
-        let width = y * (0.020_660_7 + 1.58491 * y) / (0.037_942_4 + y * (1.32227 + y));
-        let middle =
-            y * (-0.193_854 + y * (-1.14885 + y * (1.7932 - 0.95943 * y * y))) / (0.046_391 + y);
-        let floor = y * (0.000_654_023 + (-0.020_781_8 + 0.119_681 * y) * y)
-            / (1.26264 + y * (-1.92021 + y));
-        let z = (x - middle) / width;
-        let albedo = (-0.5 * z * z).exp() / (width * TAU.sqrt()) + floor;
-        let weight = weight * albedo.clamp(0.0, 1.0);
+        let weight = weight * optics::Sheen::albedo(roughness, wo.z);
         let viewer = Vec2::new(wo.x, wo.y).normalize_or(Vec2::X);
         (
             Self {

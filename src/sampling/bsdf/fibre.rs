@@ -16,9 +16,9 @@ use std::f32::consts::{PI, TAU};
 
 use glam::Vec3A;
 
-use super::fresnel::dielectric;
 use super::{Part, Scattered};
 use crate::math::luminance;
+use crate::optics::fresnel::dielectric;
 
 /// What a hair is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,10 +3,10 @@
 
 use glam::Vec3A;
 
-use super::energy;
-use super::fresnel::{Curve, Fresnel};
 use super::{Part, Scattered};
 use crate::math::{Beckmann, Ggx};
+use crate::optics::energy;
+use crate::optics::fresnel::{Curve, Fresnel};
 
 /// Smallest GGX alpha (a roughness of 0.01): keeps every density finite in single precision. A
 /// mirror blurs by a hundredth of a degree, a hundredth of the sun's disk.
@@ -92,15 +92,11 @@ impl<F: Facets> Reflection<F> {
         cos_wo: f32,
     ) -> (Self, Vec3A) {
         let roughness = facets.alpha().sqrt();
-        let seen = fresnel.seen_under(roughness, cos_wo);
-        let (scale, albedo) = if is_multiscatter {
-            let single = energy::directional_albedo(roughness, cos_wo);
-            let average = energy::average_albedo(roughness);
-            let scale = weight * compensation(single, average, fresnel.mean());
-            (scale, scale * single * seen)
-        } else {
-            (weight, weight * seen)
+        let (scale, albedo) = match is_multiscatter {
+            true => energy::multiscatter(&fresnel, roughness, cos_wo),
+            false => (Vec3A::ONE, fresnel.seen_under(roughness, cos_wo)),
         };
+        let (scale, albedo) = (weight * scale, weight * albedo);
         let fresnel = fresnel.scaled(scale);
         (Self { facets, fresnel }, albedo)
     }
@@ -125,13 +121,6 @@ impl<F: Facets> Reflection<F> {
         let half = self.facets.sample(wo, u);
         (2.0 * wo.dot(half) * half - wo).normalize()
     }
-}
-
-/// What the single bounces of a lobe with this albedo, whose Fresnel reflectance is `fresnel` on
-/// average, must be multiplied with.
-fn compensation(single: f32, average: f32, fresnel: Vec3A) -> Vec3A {
-    let multiple = fresnel * average / (Vec3A::ONE - fresnel * (1.0 - average));
-    Vec3A::ONE + multiple * ((1.0 - single) / single)
 }
 
 /// Microfacets of glass: they reflect and refract.
@@ -193,7 +182,7 @@ impl<F: Facets> Interface<F> {
         if is_multiscatter {
             single = energy::glass_albedo(ior, roughness, cos_wo);
             let average = energy::glass_average_albedo(ior, roughness);
-            scale *= compensation(single, average, glass.transmission_tint);
+            scale *= energy::compensation(single, average, glass.transmission_tint);
         }
         let interface = Self {
             facets,

@@ -16,9 +16,7 @@
 //! 0.001 of one counts as 0.001 away; bumps of less than 16 degrees do not shadow each other.
 
 mod diffuse;
-mod energy;
 mod fibre;
-mod fresnel;
 mod lobe;
 mod microfacet;
 mod phase;
@@ -30,12 +28,12 @@ mod velvet;
 use glam::{Quat, Vec3A};
 
 use crate::math::warp::{pdf_cosine_hemisphere, sample_cosine_hemisphere};
-use crate::math::{Beckmann, Frame, Ggx, luminance};
+use crate::math::{Beckmann, Frame, Ggx, luminance, reflecting_normal};
+use crate::optics::fresnel::{Curve, Fresnel, f0_from_ior};
 use crate::shader::Distribution;
 use diffuse::{OrenNayar, Sheen, Translucent};
 use fibre::Fibre;
 pub use fibre::Hair;
-use fresnel::{Curve, Fresnel, f0_from_ior};
 use lobe::{Lobe, Model};
 pub use microfacet::ALPHA_MIN;
 use microfacet::{Glass, Interface, Reflection};
@@ -582,29 +580,9 @@ impl Bsdf {
         if self.is_front { ior } else { 1.0 / ior }
     }
 
-    /// The normal, bent towards the geometric one just so far that a mirror sends the viewer's
-    /// direction back above the surface.
-    ///
-    /// In the plane of both normals let the viewer be at distance r and angle phi from the geometric
-    /// normal. A normal at the angle a sends it back to the height r cos(2a - phi), which is to be
-    /// `least`: cos(2a) follows. Cycles bends in this plane too.
+    /// The normal, bent so far that a mirror sends the viewer's direction back above the surface.
     pub fn reflecting_normal(&self, normal: Vec3A) -> Vec3A {
-        /// Sine of the angle above the surface that a mirror direction must keep.
-        const GRAZING: f32 = 0.01;
-        let (wo, up) = (self.wo, self.geometric_normal);
-        let least = (0.9 * wo.dot(up)).clamp(0.0, GRAZING);
-        let mirror = 2.0 * normal.dot(wo) * normal - wo;
-        if mirror.dot(up) >= least {
-            return normal;
-        }
-        let Some(side) = normal.reject_from_normalized(up).try_normalize() else {
-            return up;
-        };
-        let (x, z) = (wo.dot(side), wo.dot(up));
-        let r_squared = (x * x + z * z).max(f32::MIN_POSITIVE);
-        let across = (r_squared - least * least).max(0.0).sqrt();
-        let cos_twice = ((z * least - x * across) / r_squared).clamp(-1.0, 1.0);
-        (0.5 * (1.0 - cos_twice)).sqrt() * side + (0.5 * (1.0 + cos_twice)).sqrt() * up
+        reflecting_normal(normal, self.wo, self.geometric_normal)
     }
 
     /// Widens every glossy closure to at least this GGX alpha. Its energy stays what it was.

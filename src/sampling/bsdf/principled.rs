@@ -2,17 +2,18 @@
 //!
 //! From above: sheen, coat, then metal, transmission and a dielectric mixed by their weights; the
 //! dielectric lies over diffuse. What a layer reflects towards the viewer is missing below it
-//! (Cycles' albedo scaling). Emission lies below sheen and coat; the caller adds it.
+//! (Cycles' albedo scaling). Emission lies below sheen and coat too; the caller adds it.
 //!
 //! # Approximations
 //! Thin film is left out; the add-on names it.
 
 use glam::Vec3A;
 
-use super::fresnel::{Curve, Fresnel, f0_from_ior, ior_from_f0};
 use super::microfacet::Glass;
 use super::{Bsdf, rotated_about};
 use crate::math::Ggx;
+use crate::optics::fresnel::{Curve, Fresnel, f0_from_ior, ior_from_f0};
+use crate::optics::{Coat, Layers, Sheen, below};
 use crate::shader::Distribution;
 
 /// Principled BSDF after its textures. Names and ranges are those of the node's sockets.
@@ -92,20 +93,31 @@ impl Principled {
             is_multiscatter: true,
         }
     }
-}
 
-/// What a Principled BSDF leaves to its caller.
-#[derive(Debug, Clone, Copy)]
-pub struct Beneath {
-    /// Weight of the emission, which sheen and coat dim.
-    pub emission: Vec3A,
-    /// Weight of subsurface scattering, without its colour.
-    pub subsurface: Vec3A,
+    /// What lies above all else.
+    pub(super) fn layers(&self) -> Layers {
+        Layers {
+            sheen: Sheen {
+                weight: self.sheen,
+                roughness: self.sheen_roughness,
+                tint: self.sheen_tint,
+            },
+            coat: Coat {
+                weight: self.coat,
+                roughness: self.coat_roughness,
+                ior: self.coat_ior,
+                tint: self.coat_tint,
+            },
+            normal: self.normal,
+            coat_normal: self.coat_normal,
+        }
+    }
 }
 
 impl Bsdf {
-    /// Adds a Principled BSDF with this weight (its alpha included).
-    pub fn add_principled(&mut self, weight: Vec3A, params: &Principled) -> Beneath {
+    /// Adds a Principled BSDF with this weight (its alpha included); returns the weight of its subsurface
+    /// scattering, without its colour.
+    pub fn add_principled(&mut self, weight: Vec3A, params: &Principled) -> Vec3A {
         let mut weight = weight;
         if params.sheen > 0.0 {
             weight = self.add_principled_sheen(weight, params);
@@ -113,10 +125,6 @@ impl Bsdf {
         if params.coat > 0.0 {
             weight = self.add_coat(weight, params);
         }
-        let mut beneath = Beneath {
-            emission: weight,
-            subsurface: Vec3A::ZERO,
-        };
         let metallic = params.metallic.clamp(0.0, 1.0);
         if metallic > 0.0 {
             self.add_metal(weight * metallic, params);
@@ -127,47 +135,32 @@ impl Bsdf {
             self.add_principled_glass(weight * transmission, params);
             weight *= 1.0 - transmission;
         }
-        if weight != Vec3A::ZERO {
-            weight = self.add_dielectric(weight, params);
-            let subsurface = params.subsurface.clamp(0.0, 1.0);
-            beneath.subsurface = weight * subsurface;
-            let (rest, color) = (weight * (1.0 - subsurface), params.base_color);
-            self.add_diffuse(rest, color, params.normal, params.diffuse_roughness);
+        if weight == Vec3A::ZERO {
+            return weight;
         }
-        beneath
+        weight = self.add_dielectric(weight, params);
+        let subsurface = params.subsurface.clamp(0.0, 1.0);
+        let (rest, color) = (weight * (1.0 - subsurface), params.base_color);
+        self.add_diffuse(rest, color, params.normal, params.diffuse_roughness);
+        weight * subsurface
     }
 
     fn add_principled_sheen(&mut self, weight: Vec3A, params: &Principled) -> Vec3A {
-        let between = params.normal.lerp(params.coat_normal, params.coat.min(1.0));
-        let normal = between.normalize_or(params.normal);
-        let color = params.sheen * params.sheen_tint.max(Vec3A::ZERO);
-        let albedo = self.add_sheen(weight * color, normal, params.sheen_roughness);
+        let layers = params.layers();
+        let (sheen, normal) = (&layers.sheen, layers.sheen_normal());
+        let albedo = self.add_sheen(weight * sheen.color(), normal, sheen.roughness);
         below(weight, albedo)
     }
 
     /// Adds the coat; returns the weight that is left below it.
-    ///
-    /// Its tint holds for light that passes straight; on a slant it acts along the longer way of
-    /// the refracted ray (Beer's law).
     fn add_coat(&mut self, weight: Vec3A, params: &Principled) -> Vec3A {
-        let ior = params.coat_ior.max(1.0);
-        let normal = self.reflecting_normal(params.coat_normal);
-        let fresnel = Fresnel::new(
-            Curve::Dielectric { ior },
-            Vec3A::splat(f0_from_ior(ior)),
-            Vec3A::ONE,
-        );
-        let view = self.view(normal, None);
-        let ggx = isotropic(params.coat_roughness);
-        let albedo = self.add_reflection(view, weight * params.coat, ggx, fresnel, true);
-        let left = below(weight, albedo);
-        let tint = params.coat_tint.max(Vec3A::ZERO);
-        if tint == Vec3A::ONE {
-            return left;
-        }
-        let cos = self.cos_wo(view).min(1.0);
-        let cos_refracted = (1.0 - (1.0 - cos * cos) / (ior * ior)).max(0.0).sqrt();
-        left * Vec3A::ONE.lerp(tint.powf(1.0 / cos_refracted), params.coat)
+        let Layers {
+            coat, coat_normal, ..
+        } = params.layers();
+        let view = self.view(self.reflecting_normal(coat_normal), None);
+        let ggx = isotropic(coat.roughness);
+        let albedo = self.add_reflection(view, weight * coat.weight, ggx, coat.fresnel(), true);
+        below(weight, albedo) * coat.passed(self.cos_wo(view))
     }
 
     fn add_metal(&mut self, weight: Vec3A, params: &Principled) {
@@ -232,10 +225,4 @@ impl Bsdf {
 
 fn isotropic(roughness: f32) -> Ggx {
     Ggx::isotropic(super::alpha_of(roughness))
-}
-
-/// The weight that is left below a layer of this albedo.
-fn below(weight: Vec3A, albedo: Vec3A) -> Vec3A {
-    let share = Vec3A::select(weight.cmpgt(Vec3A::ZERO), albedo / weight, Vec3A::ZERO);
-    weight * (1.0 - share.max_element()).clamp(0.0, 1.0)
 }

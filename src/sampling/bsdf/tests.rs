@@ -1,5 +1,6 @@
 use super::*;
 use crate::math::statistics::{DirectionTest, MAX_SCORE, Random};
+use crate::optics::energy;
 use crate::shader::Distribution::{self, Ggx, MultiGgx};
 
 fn seen_under(cos: f32) -> Bsdf {
@@ -887,5 +888,30 @@ fn every_closure_looks_as_in_cycles() {
             error < limit,
             "{name} {cos} {sun} {is_front}: {ours}, Cycles {pixel}"
         );
+    }
+}
+
+/// Light of a surface's own is dimmed as that which a diffuse surface in its place reflects.
+#[test]
+fn layers_dim_light_as_they_dim_what_lies_below() {
+    let up = Vec3A::Z;
+    for tilt in [0.0f32, 0.7, 1.5] {
+        let wo = Vec3A::new(tilt.sin(), 0.0, tilt.cos());
+        let params = Principled {
+            base_color: Vec3A::ONE,
+            ior: 1.0,
+            coat: 0.7,
+            coat_roughness: 0.3,
+            coat_tint: Vec3A::new(0.9, 0.5, 0.0),
+            coat_normal: Vec3A::new(0.2, 0.1, 1.0).normalize(),
+            sheen: 0.6,
+            sheen_tint: Vec3A::new(1.0, 0.2, 0.4),
+            ..Principled::new(up)
+        };
+        let mut bsdf = Bsdf::new(up, wo, true);
+        bsdf.add_principled(Vec3A::ONE, &params);
+        let left = params.layers().left(wo, up);
+        assert!((bsdf.lambert - left).abs().max_element() < 1e-5, "{left}");
+        assert!(left.x > left.y && left.y > left.z && left.max_element() < 1.0);
     }
 }

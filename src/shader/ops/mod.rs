@@ -8,6 +8,7 @@ pub(super) mod color;
 pub(super) mod convert;
 mod hash;
 pub(super) mod input;
+pub(super) mod layers;
 pub(super) mod noise;
 pub(super) mod normal;
 pub(super) mod pattern;

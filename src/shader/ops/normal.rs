@@ -15,6 +15,11 @@ fn normal_or_own(point: &Point, given: Vec3A) -> Vec3A {
     }
 }
 
+/// The unit normal given, or the surface's own where there is none.
+pub(super) fn unit_normal(point: &Point, given: Vec3A) -> Vec3A {
+    given.try_normalize().unwrap_or(point.normal)
+}
+
 /// Share that a smooth dielectric reflects; `eta` is the index of the far side over the near one.
 fn fresnel_dielectric(cos: f32, eta: f32) -> f32 {
     let cos = cos.abs();

@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 
 use glam::Vec3A;
 
-use super::fresnel::{Curve, dielectric, f0_from_ior, ior_from_f0};
+use super::fresnel::{Curve, Fresnel, dielectric, f0_from_ior, ior_from_f0};
 use crate::math::Ggx;
 
 /// Steps of roughness and cosine of the tables without Fresnel.
@@ -41,6 +41,21 @@ pub fn directional_albedo(roughness: f32, cos: f32) -> f32 {
 pub fn average_albedo(roughness: f32) -> f32 {
     let (i, t) = cell::<FINE>(roughness);
     lerp(TABLES.average[i], TABLES.average[i + 1], t)
+}
+
+/// What the single bounces of a lobe with this albedo, whose Fresnel reflectance is `fresnel` on
+/// average, must be multiplied with.
+pub fn compensation(single: f32, average: f32, fresnel: Vec3A) -> Vec3A {
+    let multiple = fresnel * average / (Vec3A::ONE - fresnel * (1.0 - average));
+    Vec3A::ONE + multiple * ((1.0 - single) / single)
+}
+
+/// What the single bounces of GGX microfacets that reflect, seen under this cosine, must be multiplied
+/// with to give back the light of several, and the share of white light that is reflected then.
+pub fn multiscatter(fresnel: &Fresnel, roughness: f32, cos: f32) -> (Vec3A, Vec3A) {
+    let single = directional_albedo(roughness, cos);
+    let scale = compensation(single, average_albedo(roughness), fresnel.mean());
+    (scale, scale * single * fresnel.seen_under(roughness, cos))
 }
 
 /// The mean of a Fresnel curve over the microfacets seen under this cosine; those that reflect
