@@ -22,7 +22,10 @@ use crate::scene::{Links, Membership, SceneFrame};
 use crate::shader::{Around, RayInfo, RayKind};
 use crate::surface::{self, Passage, Surface};
 
+mod body;
 mod groups;
+
+use body::Entered;
 
 /// Bounces before Russian roulette may end a path; Cycles begins there too.
 const ROULETTE_FROM: u32 = 3;
@@ -677,7 +680,7 @@ impl<'a> Tracer<'a> {
         }
     }
 
-    /// What leaves a surface after a walk below it.
+    /// What leaves a surface after scattering below it.
     pub fn from_below(
         &self,
         surface: &Surface,
@@ -691,7 +694,7 @@ impl<'a> Tracer<'a> {
         Some(reflected.tinted(weight))
     }
 
-    /// Where a walk below a surface comes out, and by how much light is weighted that enters there.
+    /// Where light from below a surface comes out, and by how much it is weighted.
     fn resurfaced(
         &self,
         surface: &Surface,
@@ -699,16 +702,11 @@ impl<'a> Tracer<'a> {
         sampler: &Sampler,
     ) -> Option<(Surface, Vec3A)> {
         let below = surface.below.as_ref()?;
-        let mut numbers = sampler.walk(from.total);
-        let inwards = |direction: &Vec3A| direction.dot(surface.geometric_normal) < 0.0;
-        let direction = below.entry(&mut numbers).filter(inwards)?;
-        let meet = |ray: &Ray| {
-            count_ray();
-            let instance = surface.hit.instance;
-            let hit = self.accel.closest_hit_of(self.frame, ray, instance)?;
-            Some((hit.t, hit))
+        let entered = Entered {
+            tracer: self,
+            surface,
         };
-        let exit = below.walk(surface.ray_into(direction), &mut numbers, meet)?;
+        let exit = below.scatter(&entered, &mut sampler.walk(from.total))?;
         let mut outside = surface::exit(self.frame, &exit.hit, &exit.ray, &from.ray_info(None));
         outside.passed = surface.passed;
         Some((outside, below.weight * exit.carried))

@@ -9,8 +9,8 @@ use crate::math::{Ray, offset_origin};
 use crate::media::Collision;
 use crate::sampling::{Bsdf, Guides, Principled, alpha_of};
 use crate::scene::{Facet, Material, Membership, SceneFrame};
-use crate::shader::{self, Closure, Glossy, Point, RayInfo, RayKind, Strand};
-use crate::subsurface::{Method, Subsurface};
+use crate::shader::{self, Closure, Glossy, Point, RayInfo, RayKind, Strand, SubsurfaceMethod};
+use crate::subsurface::Subsurface;
 
 mod hair;
 
@@ -371,11 +371,14 @@ fn below_principled(p: &shader::Principled, weight: Vec3A, point: &Point) -> Sub
         color: p.base_color,
         scale: p.subsurface_scale,
         radius: p.subsurface_radius,
-        ior: if p.is_skin { p.subsurface_ior } else { p.ior },
+        ior: match p.subsurface_method {
+            SubsurfaceMethod::Skin => p.subsurface_ior,
+            _ => p.ior,
+        },
         roughness: p.roughness,
         anisotropy: p.subsurface_anisotropy,
         normal: p.normal,
-        is_skin: p.is_skin,
+        method: p.subsurface_method,
     };
     below_node(&node, weight, point)
 }
@@ -389,18 +392,13 @@ fn below_node(s: &shader::Subsurface, weight: Vec3A, point: &Point) -> Subsurfac
         radius: (s.radius * s.scale).max(Vec3A::ZERO),
         anisotropy: s.anisotropy.clamp(0.0, 0.9),
         ior: s.ior.clamp(1.01, 3.8),
-        alpha: if s.is_skin {
-            1.0
-        } else {
-            alpha_of(s.roughness)
+        alpha: match s.method {
+            SubsurfaceMethod::Skin => 1.0,
+            _ => alpha_of(s.roughness),
         },
         normal: normal_at(point, s.normal),
         incoming: point.incoming,
-        method: if s.is_skin {
-            Method::Skin
-        } else {
-            Method::Plain
-        },
+        method: s.method,
     }
 }
 
@@ -439,7 +437,7 @@ pub fn in_medium(ray: &Ray, collision: &Collision) -> Surface {
     }
 }
 
-/// Where a walk below the surface, along `ray`, comes out at `hit`: a white Lambert surface, seen from
+/// Where light from below the surface, along `ray`, comes out at `hit`: a white Lambert surface, seen from
 /// outside.
 pub fn exit(frame: &SceneFrame, hit: &Hit, ray: &Ray, info: &RayInfo) -> Surface {
     let facet = Facet::new(frame, hit.instance, hit.triangle, ray.time);

@@ -97,6 +97,16 @@ impl<'a> Facet<'a> {
             .transform_vector3a(height * normal)
     }
 
+    /// Unit normal of the triangle's front, world space, unless it has no area.
+    pub fn front(&self) -> Option<Vec3A> {
+        self.front_of(&self.mesh.corners_at(self.triangle, self.time))
+    }
+
+    fn front_of(&self, [a, b, c]: &[Vec3A; 3]) -> Option<Vec3A> {
+        let normal = (*b - *a).cross(*c - *a);
+        (self.placement.world_from_normal * normal).try_normalize()
+    }
+
     /// A point of the triangle, seen along a ray of this direction (of any length) that is
     /// `ray_length` [m] long.
     pub fn point(
@@ -110,8 +120,7 @@ impl<'a> Facet<'a> {
         let corners = self.mesh.corners_at(self.triangle, self.time);
         let edges_object = [corners[1] - corners[0], corners[2] - corners[0]];
         let incoming = -direction.normalize();
-        let front = placement.world_from_normal * edges_object[0].cross(edges_object[1]);
-        let front = front.try_normalize().unwrap_or(incoming);
+        let front = self.front_of(&corners).unwrap_or(incoming);
         let is_back = front.dot(incoming) < 0.0;
         let geometric_normal = if is_back { -front } else { front };
         let corner_normals = self.mesh.corner_normals_at(self.triangle, &corners);

@@ -174,8 +174,22 @@ pub struct Subsurface {
     pub roughness: f32,
     pub anisotropy: f32,
     pub normal: Vec3A,
-    pub is_skin: bool,
+    pub method: SubsurfaceMethod,
 }
+
+/// How light scatters below a surface, in the order of [`SUBSURFACE_METHODS`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SubsurfaceMethod {
+    /// A walk; the radius is about the distance over which light spreads.
+    Plain,
+    /// A walk; the radius is the mean free path of a body of this colour.
+    Skin,
+    /// Christensen and Burley's profile of distances.
+    Burley,
+}
+
+/// What Blender calls them.
+pub const SUBSURFACE_METHODS: &[&str] = &["RANDOM_WALK", "RANDOM_WALK_SKIN", "BURLEY"];
 
 /// An even medium. Blender's volume nodes are such ones.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -208,7 +222,7 @@ pub struct Principled {
     pub subsurface_scale: f32,
     pub subsurface_ior: f32,
     pub subsurface_anisotropy: f32,
-    pub is_skin: bool,
+    pub subsurface_method: SubsurfaceMethod,
     pub specular_ior_level: f32,
     pub specular_tint: Vec3A,
     pub anisotropic: f32,

@@ -19,7 +19,8 @@ mod program;
 mod strand;
 
 pub use closure::{
-    Closure, Distribution, Glass, Glossy, Hair, Pigment, Principled, Streak, Subsurface, Volume,
+    Closure, Distribution, Glass, Glossy, Hair, Pigment, Principled, Streak, Subsurface,
+    SubsurfaceMethod, Volume,
 };
 pub use operation::{OPERATIONS, Operation, Parameter};
 pub use ops::TABLE_SIZE;

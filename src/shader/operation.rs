@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{Vec3A, Vec4};
 
-use super::closure::{Closure, DISTRIBUTIONS, PIGMENTS};
+use super::closure::{Closure, DISTRIBUTIONS, PIGMENTS, SUBSURFACE_METHODS};
 use super::ops::{
     closures, color, convert, input, layers, noise, normal, pattern, texture, vector, voronoi,
 };
@@ -157,8 +157,6 @@ const fn closure(
 use Parameter::{Attribute, Modes, None, Table};
 
 const OFF_ON: &[&str] = &["False", "True"];
-/// How light walks below a surface.
-const WALKS: &[&str] = &["RANDOM_WALK", "RANDOM_WALK_SKIN"];
 const DIMENSIONS: &[&str] = &["1D", "2D", "3D", "4D"];
 
 /// The operations that ask what is around the point.
@@ -248,7 +246,7 @@ pub static OPERATIONS: &[Operation] = &[
     here("height", &["Displacement"], None, normal::height),
     here("uv_tangent", &[], Attribute, normal::uv_tangent),
     here("radial_tangent", &["Generated"], Modes(&[&["X", "Y", "Z"]]), normal::radial_tangent),
-    closure("principled", &["Weight", "Base Color", "Metallic", "Roughness", "IOR", "Normal", "Diffuse Roughness", "Subsurface Weight", "Subsurface Radius", "Subsurface Scale", "Specular IOR Level", "Specular Tint", "Anisotropic", "Anisotropic Rotation", "Tangent", "Transmission Weight", "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal", "Sheen Weight", "Sheen Roughness", "Sheen Tint", "Thin Film Thickness", "Thin Film IOR", "Subsurface IOR", "Subsurface Anisotropy"], Modes(&[OFF_ON, WALKS]), closures::principled),
+    closure("principled", &["Weight", "Base Color", "Metallic", "Roughness", "IOR", "Normal", "Diffuse Roughness", "Subsurface Weight", "Subsurface Radius", "Subsurface Scale", "Specular IOR Level", "Specular Tint", "Anisotropic", "Anisotropic Rotation", "Tangent", "Transmission Weight", "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal", "Sheen Weight", "Sheen Roughness", "Sheen Tint", "Thin Film Thickness", "Thin Film IOR", "Subsurface IOR", "Subsurface Anisotropy"], Modes(&[OFF_ON, SUBSURFACE_METHODS]), closures::principled),
     closure("diffuse", &["Weight", "Color", "Roughness", "Normal"], None, closures::diffuse),
     closure("glossy", &["Weight", "Color", "Roughness", "Anisotropy", "Rotation", "Normal", "Tangent"], Modes(&[DISTRIBUTIONS]), closures::glossy),
     closure("glass", &["Weight", "Color", "Roughness", "IOR", "Normal"], Modes(&[DISTRIBUTIONS]), closures::glass),
@@ -258,7 +256,7 @@ pub static OPERATIONS: &[Operation] = &[
     closure("toon", &["Weight", "Color", "Size", "Smooth", "Normal"], Modes(&[&["DIFFUSE", "GLOSSY"]]), closures::toon),
     closure("hair", &["Weight", "Color", "Melanin", "Melanin Redness", "Tint", "Absorption Coefficient", "Roughness", "Radial Roughness", "Coat", "IOR", "Offset", "Random Color", "Random Roughness", "Random"], Modes(&[PIGMENTS]), closures::hair),
     closure("streak", &["Weight", "Color", "Offset", "RoughnessU", "RoughnessV", "Tangent"], Modes(&[&["Reflection", "Transmission"]]), closures::streak),
-    closure("subsurface", &["Weight", "Color", "Scale", "Radius", "IOR", "Roughness", "Anisotropy", "Normal"], Modes(&[WALKS]), closures::subsurface),
+    closure("subsurface", &["Weight", "Color", "Scale", "Radius", "IOR", "Roughness", "Anisotropy", "Normal"], Modes(&[SUBSURFACE_METHODS]), closures::subsurface),
     closure("emission", &["Weight", "Color"], None, closures::emission),
     closure("transparent", &["Weight", "Color"], None, closures::transparent),
     closure("volume", &["Weight", "Scatter", "Absorption", "Emission", "Anisotropy"], None, closures::volume),

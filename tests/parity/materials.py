@@ -286,6 +286,10 @@ SHADERS = table(
     ("Principled, subsurface, half, rough", principled, {"Subsurface Weight": 0.5, "Subsurface Scale": 1.0, "Roughness": 1.0}),
     ("Principled, subsurface, anisotropy 0.7", principled, {"Subsurface Weight": 1.0, "Subsurface Scale": 1.0, "Subsurface Anisotropy": 0.7}),
     ("Principled, subsurface, skin", principled, {"Subsurface Weight": 1.0, "Subsurface Scale": 0.5, "subsurface_method": "RANDOM_WALK_SKIN"}),
+    # Light leaves the cube on its lower side, too: it stands off the floor.
+    ("Principled, subsurface, Burley", see_through, {"kind": PRINCIPLED, "Base Color": ORANGE, "Subsurface Weight": 1.0, "Subsurface Radius": (0.3, 0.1, 0.05), "subsurface_method": "BURLEY"}),
+    ("Principled, subsurface, Burley, wide", see_through, {"kind": PRINCIPLED, "Base Color": ORANGE, "Subsurface Weight": 1.0, "Subsurface Scale": 1.0, "subsurface_method": "BURLEY"}),
+    ("Principled, subsurface, Burley, half, very wide", see_through, {"kind": PRINCIPLED, "Base Color": ORANGE, "Subsurface Weight": 0.5, "Subsurface Scale": 4.0, "Roughness": 1.0, "subsurface_method": "BURLEY"}),
     ("Principled, alpha 0.4", see_through, {"kind": PRINCIPLED, "Base Color": ORANGE, "Alpha": 0.4}),
     ("Principled, emission", principled, {"Emission Color": ORANGE, "Emission Strength": 2.0}),
     ("Principled, thin film", principled, {"Metallic": 1.0, "Roughness": 0.3, "Thin Film Thickness": 500.0}),
@@ -321,6 +325,7 @@ SHADERS = table(
     ("Subsurface Scattering", shader, {"kind": "ShaderNodeSubsurfaceScattering", "Scale": 0.1}),
     ("Subsurface Scattering, wide", shader, {"kind": "ShaderNodeSubsurfaceScattering", "Scale": 1.0}),
     ("Subsurface Scattering, skin", shader, {"kind": "ShaderNodeSubsurfaceScattering", "Scale": 0.3, "falloff": "RANDOM_WALK_SKIN"}),
+    ("Subsurface Scattering, Burley", see_through, {"kind": "ShaderNodeSubsurfaceScattering", "Scale": 1.0, "falloff": "BURLEY"}),
     ("Holdout", shader, {"kind": "ShaderNodeHoldout"}),
     ("Mix Shader", two_shaders, {"kind": "ShaderNodeMixShader", "Fac": 0.4}),
     ("Add Shader", two_shaders, {"kind": "ShaderNodeAddShader"}),

@@ -56,6 +56,7 @@ class Closure:
             values[name] = float(number) if number else [float(x) for x in xyz]
         for name, word in re.findall(r"(\w+): (true|false)", text):
             values[name] = word == "true"
+        values |= re.findall(r"(\w*method): (\w+)", text)
         plain = re.fullmatch(rf"\w+\({vector}\)", text)
         if plain:
             values["color"] = [float(x) for x in plain.groups()]
@@ -548,10 +549,14 @@ def test_a_uv_map_by_name(name: str) -> None:
     assert len(frame.meshes[0].layer_keys) == (1 if name else 0)
 
 
-def test_subsurface_scattering_is_handed_over() -> None:
+METHODS = {"RANDOM_WALK": "Plain", "RANDOM_WALK_SKIN": "Skin", "BURLEY": "Burley"}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_subsurface_scattering_is_handed_over(method: str) -> None:
     def build(tree: Any) -> Any:
         shader = node(tree, "ShaderNodeSubsurfaceScattering")
-        shader.falloff = "RANDOM_WALK_SKIN"
+        shader.falloff = method
         socket_of(shader, "Scale").default_value = 0.25
         return shader.outputs[0]
 
@@ -559,17 +564,19 @@ def test_subsurface_scattering_is_handed_over() -> None:
     assert warnings == []
     assert closure.kind == "Subsurface"
     assert closure["scale"] == 0.25
-    assert closure["is_skin"]
+    assert closure["method"] == METHODS[method]
 
 
-def test_the_burley_method_is_named() -> None:
+@pytest.mark.parametrize("method", METHODS)
+def test_principled_says_how_light_scatters_below(method: str) -> None:
     def build(tree: Any) -> Any:
-        shader = node(tree, "ShaderNodeSubsurfaceScattering")
-        shader.falloff = "BURLEY"
+        shader = node(tree, "ShaderNodeBsdfPrincipled", Subsurface_Weight=0.5)
+        shader.subsurface_method = method
         return shader.outputs[0]
 
-    _, warnings = closures_of(build)
-    assert warnings == ["'Wood': Christensen-Burley is not rendered yet (Random Walk is used)"]
+    (closure, *_), warnings = closures_of(build)
+    assert warnings == []
+    assert closure["subsurface_method"] == METHODS[method]
 
 
 def with_volume(tree: Any, volume: Any) -> None:

@@ -82,13 +82,14 @@ def _closure(compiler: Compiler, source: Source, name: str, weight: Operand) -> 
 def _modes(source: Source, operation: Operation) -> list[str]:
     """What the node chooses of each of the operation's lists."""
     distribution = getattr(source.node, "distribution", "")
-    walk = getattr(source.node, "subsurface_method", getattr(source.node, "falloff", ""))
+    below = getattr(source.node, "subsurface_method", getattr(source.node, "falloff", ""))
     component = getattr(source.node, "component", "")  # of Toon
-    walk = "RANDOM_WALK_SKIN" if walk == "RANDOM_WALK_SKIN" else "RANDOM_WALK"
+    if below not in SUBSURFACE_METHODS:
+        below = "RANDOM_WALK"
     keeps_all = str(distribution == "MULTI_GGX")
     if distribution not in (*DISTRIBUTIONS, *FIBRES):
         distribution = "GGX"
-    chosen = (keeps_all, distribution, walk, component)
+    chosen = (keeps_all, distribution, below, component)
     return [mode for modes in operation.modes for mode in chosen if mode in modes]
 
 
@@ -97,6 +98,8 @@ DISTRIBUTIONS = ("GGX", "MULTI_GGX", "BECKMANN")
 MICROFACETS = ("glossy", "glass", "refraction")
 # How the fibres of cloth may stand.
 FIBRES = ("MICROFIBER", "ASHIKHMIN")
+# How light may scatter below a surface.
+SUBSURFACE_METHODS = ("RANDOM_WALK", "RANDOM_WALK_SKIN", "BURLEY")
 
 
 def closure(name: str) -> Shader:
@@ -121,22 +124,12 @@ def _warn_of_closure(compiler: Compiler, source: Source, name: str) -> None:
 def principled(compiler: Compiler, source: Source, weight: Operand) -> None:
     """Reflection, light and transparency of a Principled BSDF."""
     compiler.missing_unless(source, "Thin Film Thickness", 0.0, "Thin Film")
-    if source.node.subsurface_method == "BURLEY":
-        what = ("Christensen-Burley", "Random Walk is used")
-        compiler.missing_unless(source, "Subsurface Weight", 0.0, *what)
     alpha = compiler.saturated(compiler.input(source, "Alpha"))
     opaque = compiler.times(weight, alpha)
     _closure(compiler, source, "principled", opaque)
     _emission(compiler, source, "Emission Color", "Emission Strength", opaque, below_layers)
     if alpha != ONE:
         compiler.emit("transparent", compiler.times(weight, compiler.rest(alpha)), ONE)
-
-
-def subsurface(compiler: Compiler, source: Source, weight: Operand) -> None:
-    """Subsurface Scattering."""
-    if source.node.falloff == "BURLEY":
-        compiler.missing("Christensen-Burley", "Random Walk is used")
-    _closure(compiler, source, "subsurface", weight)
 
 
 def hair(compiler: Compiler, source: Source, weight: Operand) -> None:
@@ -292,5 +285,5 @@ SHADERS: dict[str, Shader] = {
     "ShaderNodeEmission": emission,
     "ShaderNodeHoldout": holdout,
     "ShaderNodeMixShader": mix,
-    "ShaderNodeSubsurfaceScattering": subsurface,
+    "ShaderNodeSubsurfaceScattering": closure("subsurface"),
 }

@@ -4,8 +4,8 @@
 use glam::Vec3A;
 
 use super::super::closure::{
-    Closure, Distribution, Glass, Glossy, Hair, Pigment, Principled, Streak, Subsurface, Toon,
-    Volume,
+    Closure, Distribution, Glass, Glossy, Hair, Pigment, Principled, Streak, Subsurface,
+    SubsurfaceMethod, Toon, Volume,
 };
 use super::super::operation::Args;
 
@@ -56,7 +56,7 @@ pub fn principled(a: &Args) -> Closure {
         thin_film_ior: float(a, 25),
         subsurface_ior: float(a, 26),
         subsurface_anisotropy: float(a, 27),
-        is_skin: a.is_on(1),
+        subsurface_method: subsurface_method(a, 1),
         is_multiscatter: a.is_on(0),
     })
 }
@@ -173,6 +173,14 @@ pub fn streak(a: &Args) -> Closure {
     })
 }
 
+fn subsurface_method(a: &Args, list: usize) -> SubsurfaceMethod {
+    [
+        SubsurfaceMethod::Plain,
+        SubsurfaceMethod::Skin,
+        SubsurfaceMethod::Burley,
+    ][a.mode(list)]
+}
+
 pub fn subsurface(a: &Args) -> Closure {
     Closure::Subsurface(Subsurface {
         weight: weight(a),
@@ -183,7 +191,7 @@ pub fn subsurface(a: &Args) -> Closure {
         roughness: float(a, 5),
         anisotropy: float(a, 6),
         normal: vector(a, 7),
-        is_skin: a.is_on(0),
+        method: subsurface_method(a, 0),
     })
 }
 
