@@ -331,7 +331,7 @@ impl Surface {
             }
             Closure::Emission(radiance) => self.emission += radiance * scale,
             Closure::Holdout(weight) => self.holdout += weight * scale,
-            Closure::Normal(normal) => *bsdf = bsdf.with_smooth_normal(bent(normal)),
+            Closure::Normal(normal) => bsdf.set_smooth_normal(bent(normal)),
             Closure::Transparent(_)
             | Closure::Volume(_)
             | Closure::Displacement { .. }

@@ -8,6 +8,7 @@ use super::*;
 use crate::contract::{Filter, Recheck, Share};
 use crate::scene::{
     Camera, Lens, Light, LightKind, Material, Panorama, Projection, Reach, SceneFrame, Visibility,
+    World,
 };
 use crate::testing::{
     Estimate, MAX_SCORE, SEEDS, Scene, Shoot, any_camera, camera, cube, diffuse, glass, glossy,
@@ -40,10 +41,22 @@ fn shoot<'a>(frames: &'a [Arc<SceneFrame>], settings: Settings) -> Shoot<'a> {
     }
 }
 
+/// A sky of this radiance, as an image: light sampling leaves a plain one to scattered rays.
+fn even_sky(radiance: f32) -> World {
+    image_world([16, 8], |_, _| Vec3::splat(radiance))
+}
+
 /// A cube and a ball on a floor under a sun and a sky; the ball rolls, the cube stays.
 fn yard(frame: i32) -> Arc<SceneFrame> {
     let [at, target] = yard_view(frame);
     yard_seen_by(frame, camera(at, target, 0.7))
+}
+
+/// The yard under a sky that light sampling draws.
+fn yard_under(sky: f32, frame: i32) -> Arc<SceneFrame> {
+    let mut scene = SceneFrame::clone(&yard(frame));
+    scene.world = even_sky(sky);
+    Arc::new(scene)
 }
 
 /// Where the yard's camera is and what it looks at.
@@ -256,7 +269,7 @@ fn borrowing(shoot: &Shoot, targets: &[i32]) -> (Vec<[Vec<f32>; 2]>, u64) {
 /// only another frame of the range reads must not show.
 #[test]
 fn what_is_left_out_changes_no_bit() {
-    let frames: Vec<_> = (0..=4).map(yard).collect();
+    let frames: Vec<_> = (0..=4).map(|frame| yard_under(0.4, frame)).collect();
     let mut shoot = shoot(&frames, settings(Method::DualCone));
     shoot.settings.samples = 6;
     // Nothing but the window lends, so that it is worth its cost in places.
@@ -279,7 +292,7 @@ fn what_is_left_out_changes_no_bit() {
 /// samples of the sky. They choose so after two iterations.
 #[test]
 fn a_pixel_that_borrows_nothing_is_path_tracing() {
-    let frames: Vec<_> = (0..=2).map(yard).collect();
+    let frames: Vec<_> = (0..=2).map(|frame| yard_under(0.02, frame)).collect();
     let mut shoot = shoot(&frames, settings(Method::DualCone));
     // Russian roulette, which comes later, counts in what the pixel does with what it lends.
     shoot.settings.max_bounces = 2;

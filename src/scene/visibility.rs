@@ -20,14 +20,6 @@ impl Visibility {
         self.0 & (1 << kind as u32) != 0
     }
 
-    /// Whether rays that look for a light meet it, but some scattered rays do not, or the reverse.
-    pub fn is_split(self) -> bool {
-        let stops = self.includes(RayKind::Shadow);
-        [RayKind::Diffuse, RayKind::Glossy, RayKind::Transmission]
-            .into_iter()
-            .any(|kind| self.includes(kind) != stops)
-    }
-
     /// Not seen by rays of this kind.
     pub const fn without(self, kind: RayKind) -> Self {
         Self(self.0 & !(1 << kind as u32))
@@ -123,14 +115,6 @@ mod tests {
             assert_eq!(Visibility::from_bits(0).with(*kind), only);
             assert!(!Visibility::from_bits(!(1 << bit)).includes(*kind));
         }
-    }
-
-    #[test]
-    fn what_shadow_rays_alone_see_is_split() {
-        assert!(!Visibility::ALL.is_split());
-        assert!(!Visibility::from_bits(0).with(Camera).is_split());
-        assert!(Visibility::from_bits(0).with(Shadow).is_split());
-        assert!(Visibility::from_bits(0).with(Glossy).is_split());
     }
 
     #[test]

@@ -43,16 +43,6 @@ pub struct Lobe {
 }
 
 impl Lobe {
-    /// Nothing at all: fills unused places.
-    pub const BLACK: Lobe = Lobe {
-        view: 0,
-        model: Model::Translucent(Translucent {
-            weight: Vec3A::ZERO,
-        }),
-        reflected: Vec3A::ZERO,
-        transmitted: Vec3A::ZERO,
-    };
-
     /// Share of white light scattered towards the viewer.
     pub fn albedo(&self) -> Vec3A {
         self.reflected + self.transmitted

@@ -26,6 +26,7 @@ mod toon;
 mod velvet;
 
 use glam::{Quat, Vec3A};
+use smallvec::SmallVec;
 
 use crate::math::warp::{pdf_cosine_hemisphere, sample_cosine_hemisphere};
 use crate::math::{Beckmann, Frame, Ggx, luminance, reflecting_normal};
@@ -50,6 +51,10 @@ pub const MAX_LOBES: usize = 6;
 
 /// Different normals and tangents that a surface's closures may have; further ones take the last.
 const MAX_VIEWS: usize = 4;
+
+/// Closures, and normals, that are kept without asking for memory: most surfaces have no more, and what is never written
+/// costs no time. A surface is moved some times on its way to the path.
+const INLINE: usize = 1;
 
 /// Which part of a surface scattered light, as bounce limits and passes count it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -233,17 +238,8 @@ struct View {
     bump: f32,
 }
 
-impl View {
-    const UNUSED: Self = Self {
-        frame: Frame::IDENTITY,
-        tangent: Vec3A::ZERO,
-        wo: Vec3A::Z,
-        bump: 0.0,
-    };
-}
-
 /// A surface at a hit, seen from one direction.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Bsdf {
     geometric_normal: Vec3A,
     /// The normal without bumps and normal maps.
@@ -253,10 +249,8 @@ pub struct Bsdf {
     /// Albedo of the Lambert part.
     lambert: Vec3A,
     lambert_view: u8,
-    lobe_count: u8,
-    view_count: u8,
-    lobes: [Lobe; MAX_LOBES],
-    views: [View; MAX_VIEWS],
+    lobes: SmallVec<[Lobe; INLINE]>,
+    views: SmallVec<[View; INLINE]>,
 }
 
 /// Building a surface. Weights are what mixing leaves of a closure; normals are unit vectors in world
@@ -273,19 +267,20 @@ impl Bsdf {
             is_front,
             lambert: Vec3A::ZERO,
             lambert_view: 0,
-            lobe_count: 0,
-            view_count: 0,
-            lobes: [Lobe::BLACK; MAX_LOBES],
-            views: [View::UNUSED; MAX_VIEWS],
+            lobes: SmallVec::new(),
+            views: SmallVec::new(),
         }
     }
 
     /// The same with a smooth shading normal (a unit vector), from which bumps are told.
-    pub fn with_smooth_normal(self, smooth_normal: Vec3A) -> Self {
-        Self {
-            smooth_normal,
-            ..self
-        }
+    pub fn with_smooth_normal(mut self, smooth_normal: Vec3A) -> Self {
+        self.set_smooth_normal(smooth_normal);
+        self
+    }
+
+    /// Changes the smooth shading normal (a unit vector) of the closures that follow.
+    pub fn set_smooth_normal(&mut self, smooth_normal: Vec3A) {
+        self.smooth_normal = smooth_normal;
     }
 
     /// Adds a Diffuse BSDF: Lambert's, or Oren and Nayar's where it is rough. Where bumps shadow
@@ -529,10 +524,8 @@ impl Bsdf {
         if !(lobe.albedo().max_element() > 0.0) {
             return;
         }
-        let count = self.lobe_count as usize;
-        if count < MAX_LOBES {
-            self.lobes[count] = lobe;
-            self.lobe_count += 1;
+        if self.lobes.len() < MAX_LOBES {
+            self.lobes.push(lobe);
         } else {
             let like = self.lobes.iter().rposition(|other| other.is_like(&lobe));
             match like {
@@ -547,11 +540,10 @@ impl Bsdf {
         let fits = |view: &View| {
             view.frame.normal() == normal && tangent.is_none_or(|tangent| tangent == view.tangent)
         };
-        let used = &self.views[..self.view_count as usize];
-        if let Some(index) = used.iter().position(fits) {
+        if let Some(index) = self.views.iter().position(fits) {
             return index as u8;
         }
-        if used.len() == MAX_VIEWS {
+        if self.views.len() == MAX_VIEWS {
             return MAX_VIEWS as u8 - 1;
         }
         let frame = match tangent {
@@ -560,14 +552,13 @@ impl Bsdf {
         };
         let mut wo = frame.to_local(self.wo);
         wo.z = wo.z.max(1e-6);
-        self.views[self.view_count as usize] = View {
+        self.views.push(View {
             frame,
             tangent: tangent.unwrap_or(Vec3A::ZERO),
             wo,
             bump: bump_of(self.smooth_normal.dot(normal)),
-        };
-        self.view_count += 1;
-        self.view_count - 1
+        });
+        self.views.len() as u8 - 1
     }
 
     fn cos_wo(&self, view: u8) -> f32 {
@@ -587,7 +578,7 @@ impl Bsdf {
 
     /// Widens every glossy closure to at least this GGX alpha. Its energy stays what it was.
     pub fn blur(&mut self, alpha: f32) {
-        for lobe in &mut self.lobes[..self.lobe_count as usize] {
+        for lobe in &mut self.lobes {
             lobe.widen(alpha);
         }
     }
@@ -595,39 +586,29 @@ impl Bsdf {
     /// Multiplies all that the surface scatters by a colour.
     pub fn tint(&mut self, color: Vec3A) {
         self.lambert *= color;
-        for lobe in &mut self.lobes[..self.lobe_count as usize] {
+        for lobe in &mut self.lobes {
             lobe.tint(color);
         }
     }
 
     /// Leaves out what counts to `part`, but for the Lambert part.
     pub fn remove(&mut self, part: Part) {
-        let mut kept = 0;
-        for index in 0..self.lobe_count as usize {
-            let mut lobe = self.lobes[index];
+        self.lobes.retain(|lobe| {
             lobe.remove(part);
-            if lobe.albedo() != Vec3A::ZERO {
-                self.lobes[kept] = lobe;
-                kept += 1;
-            }
-        }
-        self.lobe_count = kept as u8;
+            lobe.albedo() != Vec3A::ZERO
+        });
     }
 }
 
 /// Scattering light.
 impl Bsdf {
-    fn lobes(&self) -> &[Lobe] {
-        &self.lobes[..self.lobe_count as usize]
-    }
-
     /// Probability that [`Bsdf::sample`] chooses the Lambert part: 0 or 1 where the other is black.
     pub fn probability_lambert(&self) -> f32 {
-        if self.lobe_count == 0 {
+        if self.lobes.is_empty() {
             return 1.0;
         }
         let lambert = luminance(self.lambert);
-        let own: f32 = self.lobes().iter().map(|l| luminance(l.albedo())).sum();
+        let own: f32 = self.lobes.iter().map(|l| luminance(l.albedo())).sum();
         if lambert + own > 0.0 {
             lambert / (lambert + own)
         } else {
@@ -637,17 +618,17 @@ impl Bsdf {
 
     /// Whether the surface scatters nothing.
     pub fn is_black(&self) -> bool {
-        self.lambert == Vec3A::ZERO && self.lobe_count == 0
+        self.lambert == Vec3A::ZERO && self.lobes.is_empty()
     }
 
     /// Whether light may come through the surface.
     pub fn is_transmissive(&self) -> bool {
-        self.lobes().iter().any(Lobe::is_transmissive)
+        self.lobes.iter().any(Lobe::is_transmissive)
     }
 
     /// Whether light comes through closures of at most this GGX alpha and through no others.
     pub fn is_clear(&self, alpha: f32) -> bool {
-        let mut passing = self.lobes().iter().filter(|lobe| lobe.is_transmissive());
+        let mut passing = self.lobes.iter().filter(|lobe| lobe.is_transmissive());
         self.is_transmissive() && passing.all(|lobe| lobe.alpha() <= alpha)
     }
 
@@ -660,7 +641,7 @@ impl Bsdf {
             pdfs.lambert = pdf_cosine_hemisphere(wi.dot(self.lambert_normal()));
             values.lambert = self.lambert * pdfs.lambert;
         }
-        if self.lobe_count > 0 {
+        if !self.lobes.is_empty() {
             pdfs.own = self.eval_own(wi, is_above, &mut values);
         }
         (values, pdfs)
@@ -670,7 +651,7 @@ impl Bsdf {
     fn eval_own(&self, wi: Vec3A, is_above: bool, values: &mut LobeValues) -> f32 {
         let (mut pdf, mut total) = (0.0, 0.0);
         let (mut view, mut wi_local) = (u8::MAX, Vec3A::ZERO);
-        for lobe in self.lobes() {
+        for lobe in &self.lobes {
             if lobe.view != view {
                 view = lobe.view;
                 wi_local = self.views[view as usize].frame.to_local(wi);
@@ -722,7 +703,7 @@ impl Bsdf {
 
     /// A direction of the Lambert part; none below the geometric surface.
     pub fn sample_lambert(&self, u: [f32; 2]) -> Option<Vec3A> {
-        let frame = &self.views[self.lambert_view as usize].frame;
+        let frame = &self.views.get(self.lambert_view as usize)?.frame;
         let direction = frame.to_world(sample_cosine_hemisphere(u));
         (direction.dot(self.geometric_normal) > 0.0).then_some(direction)
     }
@@ -730,10 +711,10 @@ impl Bsdf {
     /// A direction of the other closures; none on the wrong side of the surface.
     pub fn sample_own(&self, u_lobe: f32, u: [f32; 2]) -> Option<Drawn> {
         let weight = |lobe: &Lobe| luminance(lobe.albedo());
-        let total: f32 = self.lobes().iter().map(weight).sum();
+        let total: f32 = self.lobes.iter().map(weight).sum();
         let mut rest = u_lobe * total;
         let mut chosen = None;
-        for lobe in self.lobes() {
+        for lobe in &self.lobes {
             let weight = weight(lobe);
             if weight > 0.0 {
                 // Rounding may leave a rest behind the last lobe.
@@ -782,7 +763,7 @@ impl Bsdf {
 
     /// The shading normal of the Lambert part; that of the geometric surface without one.
     pub fn lambert_normal(&self) -> Vec3A {
-        if self.view_count == 0 {
+        if self.views.is_empty() {
             return self.geometric_normal;
         }
         self.views[self.lambert_view as usize].frame.normal()
@@ -815,7 +796,7 @@ impl Bsdf {
             })
         };
         let brightness = |gloss: &Gloss| luminance(self.lobes[gloss.index].albedo());
-        let all = self.lobes().iter().enumerate().filter_map(gloss);
+        let all = self.lobes.iter().enumerate().filter_map(gloss);
         all.max_by(|a, b| brightness(a).total_cmp(&brightness(b)))
     }
 
@@ -833,7 +814,7 @@ impl Bsdf {
 
     /// Share of white light that a part scatters towards the viewer; Lambert counts as diffuse.
     pub fn albedo_of(&self, part: Part) -> Vec3A {
-        let own: Vec3A = self.lobes().iter().map(|l| l.albedo_of(part)).sum();
+        let own: Vec3A = self.lobes.iter().map(|l| l.albedo_of(part)).sum();
         if part == Part::Diffuse {
             own + self.lambert
         } else {
@@ -845,7 +826,7 @@ impl Bsdf {
     /// [`LobeValues::by_pass`].
     pub fn colors(&self) -> [Vec3A; 3] {
         let mut colors = [self.lambert, Vec3A::ZERO, Vec3A::ZERO];
-        for lobe in self.lobes() {
+        for lobe in &self.lobes {
             if lobe.is_wide() {
                 colors[0] += lobe.albedo();
             } else {
@@ -862,7 +843,7 @@ impl Bsdf {
         let lambert = (self.lambert, self.lambert_normal(), 1.0);
         let below = below.map(|(albedo, normal)| (albedo, normal, 1.0));
         let normal = |lobe: &Lobe| self.views[lobe.view as usize].frame.normal();
-        let lobes = self.lobes().iter();
+        let lobes = self.lobes.iter();
         let own = lobes.map(|lobe| (lobe.albedo(), normal(lobe), lobe.alpha()));
         let mut guides = Guides::default();
         for (albedo, normal, alpha) in own.chain([lambert]).chain(below) {
@@ -885,7 +866,7 @@ impl Bsdf {
 
     /// Share of white light scattered towards the viewer.
     pub fn albedo(&self) -> Vec3A {
-        self.lambert + self.lobes().iter().map(Lobe::albedo).sum::<Vec3A>()
+        self.lambert + self.lobes.iter().map(Lobe::albedo).sum::<Vec3A>()
     }
 }
 

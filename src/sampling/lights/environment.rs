@@ -12,8 +12,7 @@ use glam::{Mat3A, Vec3A};
 
 use super::table::{CellTable, Grid};
 use super::{Emitter, LightClass, LightSample, Receiver};
-use crate::math::warp::{pdf_cosine_hemisphere, sample_cosine_hemisphere};
-use crate::math::{Frame, luminance};
+use crate::math::luminance;
 use crate::sampling::discrete::Discrete;
 use crate::scene::{Image, Reach, World};
 
@@ -288,8 +287,8 @@ impl Mapping {
 #[derive(Debug)]
 pub(super) struct Sky {
     mean: f32,
-    /// `None` for a plain sky, which is drawn by the cosine.
-    image: Option<(Arc<ImageTables>, Mapping)>,
+    tables: Arc<ImageTables>,
+    mapping: Mapping,
 }
 
 /// The parts of a sky that are small for their share of its light, as a light of their own.
@@ -338,10 +337,9 @@ impl SmallSky {
 }
 
 impl Sky {
-    /// Its parts where `is_small` holds (world space), if it has an image.
+    /// Its parts where `is_small` holds (world space).
     pub(super) fn small_parts(&self, is_small: impl Fn(Vec3A) -> bool) -> Option<SmallSky> {
-        let (tables, mapping) = self.image.as_ref()?;
-        SmallSky::new(tables.sky.as_ref()?, *mapping, is_small)
+        SmallSky::new(self.tables.sky.as_ref()?, self.mapping, is_small)
     }
 }
 
@@ -356,6 +354,9 @@ pub(super) struct ImageSun {
 
 /// The world's lights: its sky and its sun, where they shine. Tables are taken over from `previous`
 /// while the image stays the same.
+///
+/// A plain sky is no light, as in Cycles: scattered rays find it as well as light samples could, which
+/// would cost a shadow ray at each vertex, or take the place of those of a lamp.
 pub(super) fn lights_of(
     world: &World,
     previous: Option<&Arc<ImageTables>>,
@@ -366,17 +367,14 @@ pub(super) fn lights_of(
     }
     let mapped = Mapping::new(world.environment_from_world).zip(world.image.as_ref());
     let Some((mapping, image)) = mapped else {
-        let plain = Sky {
-            mean: factor,
-            image: None,
-        };
-        return (Some(plain), None, None);
+        return (None, None, None);
     };
     let same = previous.filter(|tables| Arc::ptr_eq(&tables.image, image));
     let tables = same.map_or_else(|| Arc::new(ImageTables::new(image)), Arc::clone);
     let sky = tables.sky.is_some().then(|| Sky {
         mean: factor * tables.sky_mean,
-        image: Some((tables.clone(), mapping)),
+        tables: tables.clone(),
+        mapping,
     });
     let sun = tables.sun.as_ref().map(|sun| ImageSun {
         tables: tables.clone(),
@@ -404,28 +402,17 @@ impl Emitter for Sky {
         PI * self.mean
     }
 
-    fn sample(&self, receiver: &Receiver, _: f32, u: [f32; 2]) -> Option<LightSample> {
-        let Some((tables, mapping)) = &self.image else {
-            let local = sample_cosine_hemisphere(u);
-            let direction = Frame::from_normal(receiver.normal).to_world(local);
-            let pdf = pdf_cosine_hemisphere(local.z);
-            return distant(direction, pdf, LightClass::Sky);
-        };
-        let (direction, pdf) = tables.sky.as_ref()?.sample(u);
-        let direction = mapping.world(direction);
-        let pdf = pdf * mapping.environment(direction).1;
+    fn sample(&self, _: &Receiver, _: f32, u: [f32; 2]) -> Option<LightSample> {
+        let (direction, pdf) = self.tables.sky.as_ref()?.sample(u);
+        let direction = self.mapping.world(direction);
+        let pdf = pdf * self.mapping.environment(direction).1;
         distant(direction, pdf, LightClass::Sky)
     }
 
-    fn pdf_of_direction(&self, receiver: &Receiver, direction: Vec3A) -> f32 {
-        let Some((tables, mapping)) = &self.image else {
-            return pdf_cosine_hemisphere(receiver.normal.dot(direction));
-        };
-        let (direction, stretch) = mapping.environment(direction);
-        tables
-            .sky
-            .as_ref()
-            .map_or(0.0, |sky| stretch * sky.pdf(direction))
+    fn pdf_of_direction(&self, _: &Receiver, direction: Vec3A) -> f32 {
+        let (direction, stretch) = self.mapping.environment(direction);
+        let sky = self.tables.sky.as_ref();
+        sky.map_or(0.0, |sky| stretch * sky.pdf(direction))
     }
 }
 

@@ -178,13 +178,6 @@ pub struct LightSampler {
     image_tables: Option<Arc<ImageTables>>,
 }
 
-/// Whether the sky is not looked for. A thing that scattered rays pass and shadow rays do not makes
-/// the two ways to find light disagree. Cycles finds a plain sky by scattered rays alone.
-fn is_left_to_scattered_rays(frame: &SceneFrame) -> bool {
-    let mut instances = frame.instances.iter();
-    frame.world.image.is_none() && instances.any(|instance| instance.visibility.is_split())
-}
-
 impl LightSampler {
     /// The lights of a frame. What is costly to make, the tables of the world's image, is taken
     /// over from another frame's lights if it fits.
@@ -196,7 +189,6 @@ impl LightSampler {
         let lamps = lights.len();
         let previous = previous.and_then(|p| p.image_tables.as_ref());
         let (sky, sun, image_tables) = lights_of(&frame.world, previous);
-        let sky = sky.filter(|_| !is_left_to_scattered_rays(frame));
         let sky_index = sky.as_ref().map(|_| lamps);
         lights.extend(sky.map(|sky| Box::new(sky) as Box<dyn Emitter>));
         lights.extend(sun.map(|sun| Box::new(sun) as Box<dyn Emitter>));

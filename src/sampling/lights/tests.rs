@@ -10,6 +10,7 @@ use crate::scene::{
     ForPasses, Instance, Links, Material, Membership, Mesh, Placement, Shutter, Visibility,
 };
 use crate::shader::{Draft, ObjectInfo};
+use crate::testing::image_world;
 
 mod many;
 
@@ -21,6 +22,11 @@ fn plain_world(radiance: f32) -> World {
         environment_from_world: Mat3A::IDENTITY,
         reach: Reach::ALL,
     }
+}
+
+/// The same from all sides, as an image.
+fn even_world(radiance: f32) -> World {
+    image_world([16, 8], |_, _| Vec3::splat(radiance))
 }
 
 /// A point at the frame's own time.
@@ -317,9 +323,13 @@ fn triangles_that_shine_by_nodes_are_sampled_wherever_they_shine() {
 }
 
 #[test]
-fn a_plain_sky_gives_pi_times_its_radiance() {
+fn a_plain_sky_is_left_to_scattered_rays() {
     let lights = LightSampler::build(&frame_of(vec![], plain_world(0.7)), None);
-    assert_irradiance(&lights, Vec3A::new(0.6, 0.0, 0.8), 0.7 * PI);
+    assert!(lights.is_empty());
+    let receiver = receiver_at(Vec3A::ZERO, Vec3A::Z);
+    for strategy in [Strategy::One, Strategy::SkyApart] {
+        assert_eq!(lights.environment_pdf(&receiver, strategy, Vec3A::Z), 0.0);
+    }
     assert_eq!(
         lights.environment_radiance(Vec3A::X, RayKind::Diffuse, 0),
         Vec3A::splat(0.7)
@@ -327,10 +337,16 @@ fn a_plain_sky_gives_pi_times_its_radiance() {
 }
 
 #[test]
+fn a_sky_gives_pi_times_its_radiance() {
+    let lights = LightSampler::build(&frame_of(vec![], even_world(0.7)), None);
+    assert_irradiance(&lights, Vec3A::new(0.6, 0.0, 0.8), 0.7 * PI);
+}
+
+#[test]
 fn sky_and_sun_add_up_however_they_are_sampled() {
     let sun = lamp_above(LightKind::Sun { angle: 0.01 });
     let irradiance = sun.power.y;
-    let lights = LightSampler::build(&frame_of(vec![sun], plain_world(0.7)), None);
+    let lights = LightSampler::build(&frame_of(vec![sun], even_world(0.7)), None);
     assert_irradiance(&lights, Vec3A::Z, irradiance + 0.7 * PI);
 }
 

@@ -13,7 +13,7 @@ fn random_receiver(random: &mut Random) -> Receiver {
 #[test]
 fn probabilities_of_the_lights_sum_to_one() {
     for count in [5, EVALUATED_MAX - 1, 100, 1000] {
-        let lights = LightSampler::build(&frame_of(many_lamps(count), plain_world(1.0)), None);
+        let lights = LightSampler::build(&frame_of(many_lamps(count), even_world(1.0)), None);
         assert_eq!(lights.len(), count + 1);
         let mut random = Random::new(13);
         let mut mean = 0.0;
@@ -36,7 +36,7 @@ fn probabilities_of_the_lights_sum_to_one() {
 #[test]
 fn lights_are_drawn_with_their_probabilities() {
     for count in [EVALUATED_MAX - 1, 100, 1000] {
-        let lights = LightSampler::build(&frame_of(many_lamps(count), plain_world(1.0)), None);
+        let lights = LightSampler::build(&frame_of(many_lamps(count), even_world(1.0)), None);
         let receiver = receiver_at(Vec3A::ONE, Vec3A::Z);
         let pmf = |i: usize| lights.pmf(i, Strategy::One, &receiver);
         let draws = 200_000;
