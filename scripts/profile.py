@@ -37,7 +37,15 @@ SETTINGS |= {"diffuse_bounces": 4, "glossy_bounces": 4}
 # The innermost file of the renderer on a stack says which part a sample belongs to.
 PARTS = {
     "tracing rays": ("kernel/", "accel.rs"),
-    "shading": ("surface.rs", "shader/", "image.rs", "sampling/bsdf/", "scene/", "optics/", "math/"),
+    "shading": (
+        "surface.rs",
+        "shader/",
+        "image.rs",
+        "sampling/bsdf/",
+        "scene/",
+        "optics/",
+        "math/",
+    ),
     "sampling lights": ("sampling/lights/", "sampling/discrete.rs"),
     "following paths": (
         "path.rs",
