@@ -59,9 +59,9 @@ impl Region {
         })
     }
 
-    /// The number of a pixel of the rectangle in the whole frame: what its random numbers depend on.
-    pub fn pixel_index(&self, x: usize, y: usize) -> u32 {
-        ((self.y + y) * self.frame_width + self.x + x) as u32
+    /// Column and row of a pixel of the rectangle in the whole frame: what its random numbers depend on.
+    pub fn pixel(&self, x: usize, y: usize) -> [u32; 2] {
+        [self.x + x, self.y + y].map(|at| at as u32)
     }
 
     /// A point of the film, as shares of the frame, in a pixel of the rectangle.

@@ -195,7 +195,7 @@ mod tests {
             let around = Neighbourhood {
                 frame: &frame,
                 accel: &accel,
-                sampler: &Sampler::new(0, 1, 0, iteration),
+                sampler: &Sampler::new(0, 1, [0; 2], iteration, 1 << 16),
                 vertex: 0,
                 is_blurred: false,
                 time: MIDDLE_TIME,
@@ -236,7 +236,7 @@ mod tests {
         let around = Neighbourhood {
             frame: &frame,
             accel: &accel,
-            sampler: &Sampler::new(0, 1, 0, 0),
+            sampler: &Sampler::new(0, 1, [0; 2], 0, 1),
             vertex: 0,
             is_blurred,
             time: MIDDLE_TIME,

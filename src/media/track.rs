@@ -355,7 +355,7 @@ mod tests {
         };
         let (mut passed, mut scattered, mut glow, mut shade) = Default::default();
         for index in 0..COUNT {
-            let sampler = Sampler::new(7, 1, 0, index);
+            let sampler = Sampler::new(7, 1, [0; 2], index, 1 << 16);
             let (flight, collision) = media.fly(&journey, &accel, || sampler.flight(0), [0.0; 2]);
             glow += flight.glow();
             passed += flight.share(ray.t_max);

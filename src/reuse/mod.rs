@@ -157,12 +157,12 @@ impl View<'_> {
     /// The random numbers of an iteration of pixel (`x`, `y`) of the region.
     pub fn sampler(&self, x: usize, y: usize, iteration: u32) -> Sampler {
         let tracer = &self.tracer;
-        let pixel_index = self.region.pixel_index(x, y);
         Sampler::new(
             tracer.settings.seed,
             tracer.frame.frame,
-            pixel_index,
+            self.region.pixel(x, y),
             iteration,
+            tracer.settings.samples,
         )
     }
 

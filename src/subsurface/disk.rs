@@ -200,7 +200,7 @@ mod tests {
     fn shares(planes: &[(Vec3A, f32)], below: &Subsurface) -> Vec<[(f64, f64); 3]> {
         let mut sums = vec![[(0.0, 0.0); 3]; planes.len()];
         for i in 0..COUNT {
-            let mut numbers = Sampler::new(3, 1, i, 0).walk(0);
+            let mut numbers = Sampler::new(3, 1, [i, 0], 0, 1).walk(0);
             if let Some(exit) = scatter(below, &Planes(planes), &mut numbers) {
                 for (sum, carried) in sums[exit.hit].iter_mut().zip(exit.carried.to_array()) {
                     let carried = f64::from(carried);

@@ -291,7 +291,7 @@ mod tests {
     fn reflected(body: &Subsurface) -> Vec3A {
         const COUNT: u32 = 40_000;
         let walk = |i: u32| {
-            let mut numbers = Sampler::new(3, 1, i, 0).walk(0);
+            let mut numbers = Sampler::new(3, 1, [i, 0], 0, 1).walk(0);
             let direction = body.entry(&mut numbers)?;
             let ray = Ray::new(Vec3A::NEG_Z * 1e-6, direction);
             Some(body.walk(ray, &mut numbers, half_space)?.carried)
@@ -375,7 +375,7 @@ mod tests {
                 steps.set(steps.get() + 1);
                 (steps.get() > STEPS).then_some((0.0, ()))
             };
-            let mut numbers = Sampler::new(9, 1, i, 0).walk(0);
+            let mut numbers = Sampler::new(9, 1, [i, 0], 0, 1).walk(0);
             let exit = body.walk(Ray::new(Vec3A::ZERO, Vec3A::NEG_Z), &mut numbers, meet);
             exit.map(|exit| exit.carried)
         };
@@ -405,7 +405,7 @@ mod tests {
             (t <= ray.t_max).then_some((t, ()))
         };
         let walk = |i: u32| {
-            let mut numbers = Sampler::new(5, 1, i, 0).walk(0);
+            let mut numbers = Sampler::new(5, 1, [i, 0], 0, 1).walk(0);
             let ray = Ray::new(Vec3A::Z * (1.0 - 1e-6), Vec3A::NEG_Z);
             body.walk(ray, &mut numbers, ball).map(|exit| exit.carried)
         };
@@ -422,7 +422,7 @@ mod tests {
         let depth = 0.05;
         let slab = |ray: &Ray| (depth <= ray.t_max).then_some((depth, ()));
         let walk = |i: u32| {
-            let mut numbers = Sampler::new(7, 1, i, 0).walk(0);
+            let mut numbers = Sampler::new(7, 1, [i, 0], 0, 1).walk(0);
             let exit = body.walk(Ray::new(Vec3A::ZERO, Vec3A::NEG_Z), &mut numbers, slab)?;
             (exit.ray.origin == Vec3A::ZERO).then_some(exit.carried)
         };
