@@ -73,12 +73,13 @@ def test_pulse_index_folds() -> None:
     assert math.isnan(pulse_index(np.array([1.0, 3, 1]), 2))
 
 
+def point(budget: int, seconds: float, error: float) -> Point:
+    spread = Spread(error, error, error)
+    return Point(budget, seconds, 1.0, spread, spread, spread, 1.0, ())
+
+
 def curve(method: str, pairs: Sequence[tuple[int, float, float]]) -> Curve:
-    points = (
-        Point(budget, seconds, 1.0, Spread(e, e, e), Spread(e, e, e), 1.0, ())
-        for budget, seconds, e in pairs
-    )
-    return Curve("scene", method, tuple(points))
+    return Curve("scene", method, tuple(point(*pair) for pair in pairs))
 
 
 def test_time_to_quality_against_the_best_plain_baseline() -> None:

@@ -39,6 +39,7 @@ class Point:
     seconds: float
     rays_per_pixel: float
     relative_mse: Spread
+    trimmed: Spread
     flicker: Spread
     energy_ratio: float
     # Squared changes of the error, frame after frame, mean over the seeds.
@@ -110,6 +111,7 @@ def _point(budget: int, rows: Sequence[Row]) -> Point:
         median(means("seconds")),
         median(means("rays_per_pixel")),
         Spread.of(means("relative_mse")),
+        Spread.of(means("trimmed")),
         Spread.of(flickers),
         float(np.mean(means("energy_ratio"))),
         tuple(float(change) for change in changes),

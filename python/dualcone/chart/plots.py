@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .analysis import Curve, Curves, Point
-from .measures import Pictures
+from .measures import WORST_SHARE, Pictures
 from .methods import BY_NAME
 
 # The linters know no matplotlib; and it must hear of its backend before pyplot is imported.
@@ -30,7 +30,9 @@ COLORS = {
 }
 MARKERS = "osD^vP*X"
 PANEL_INCHES = (5.0, 4.2)
-LEGEND_INCHES = 1.3
+LEGEND_LINE_INCHES = 0.15
+LEGEND_COLUMNS = 2  # a panel has room for two names side by side
+CALM = f"all but the worst {100 * WORST_SHARE:.1g} % of the pixels"
 CROP = 3  # a crop shows 1/CROP of the picture in each direction
 
 
@@ -46,6 +48,7 @@ class Kind(NamedTuple):
 
 KINDS = (
     Kind("relmse-seconds", "seconds a frame", "relMSE", "seconds", "relative_mse"),
+    Kind("trimmed-seconds", "seconds a frame", f"relMSE of {CALM}", "seconds", "trimmed"),
     Kind("flicker-seconds", "seconds a frame", "flicker", "seconds", "flicker"),
     Kind("relmse-rays", "rays per pixel", "relMSE", "rays_per_pixel", "relative_mse"),
 )
@@ -65,9 +68,8 @@ def save_plots(found: Mapping[str, Curves], folder: Path) -> list[Path]:
 
 def plot(found: Mapping[str, Curves], kind: Kind) -> Any:
     """Draw one kind of plot."""
-    width, height = PANEL_INCHES
-    size = (width * max(1, len(found)), height + LEGEND_INCHES)
-    figure, axes = plt.subplots(1, max(1, len(found)), figsize=size, squeeze=False)
+    panels = max(1, len(found))
+    figure, axes = plt.subplots(1, panels, squeeze=False)
     handles: dict[str, Any] = {}
     for axis, (scene, curves) in zip(axes[0], found.items(), strict=False):
         for index, curve in enumerate(curves.values()):
@@ -79,10 +81,12 @@ def plot(found: Mapping[str, Curves], kind: Kind) -> Any:
             side.set_minor_formatter(ticker.NullFormatter())
         axis.grid(True, which="both", linewidth=0.3, alpha=0.5)
     axes[0][0].set_ylabel(kind.y_label)
-    figure.legend(
-        handles.values(), handles, loc="lower center", ncol=3 * max(1, len(found)), fontsize=7
-    )
-    figure.tight_layout(rect=(0, LEGEND_INCHES / size[1], 1, 1))
+    columns = LEGEND_COLUMNS * panels
+    legend = LEGEND_LINE_INCHES * (2 - len(handles) // -columns)
+    width, height = PANEL_INCHES
+    figure.set_size_inches(width * panels, height + legend)
+    figure.legend(handles.values(), handles, loc="lower center", ncol=columns, fontsize=7)
+    figure.tight_layout(rect=(0, legend / (height + legend), 1, 1))
     return figure
 
 
