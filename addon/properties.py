@@ -26,6 +26,9 @@ CYCLES_NAMES = {
     "transparent_max_bounces": "transparent_max_bounces",
     "caustics_reflective": "caustics_reflective",
     "caustics_refractive": "caustics_refractive",
+    "blur_glossy": "blur_glossy",
+    "clamp_direct": "sample_clamp_direct",
+    "clamp_indirect": "sample_clamp_indirect",
     "filter": "pixel_filter_type",
     "filter_width": "filter_width",
 }

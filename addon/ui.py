@@ -189,10 +189,10 @@ class DUALCONE_PT_light_paths(RenderPanel, bpy.types.Panel):
         column = layout.column(heading="Caustics", align=True)
         column.prop(*place_of(scene, "caustics_reflective"), text="Reflective")
         column.prop(*place_of(scene, "caustics_refractive"), text="Refractive")
-        layout.prop(settings, "blur_glossy")
+        layout.prop(*place_of(scene, "blur_glossy"), text="Filter Glossy")
         column = layout.column(align=True)
-        column.prop(settings, "clamp_direct")
-        column.prop(settings, "clamp_indirect")
+        column.prop(*place_of(scene, "clamp_direct"), text="Clamp Direct")
+        column.prop(*place_of(scene, "clamp_indirect"), text="Clamp Indirect")
 
 
 class DUALCONE_PT_film(RenderPanel, bpy.types.Panel):

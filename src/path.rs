@@ -32,8 +32,8 @@ mod shadow;
 
 use body::Entered;
 pub use bounces::Bounces;
-pub use light::{Divided, Gathered, Reflected};
-use light::{clamp_factor, clamped};
+use light::clamp_factor;
+pub use light::{Divided, Gathered, Reflected, clamped};
 pub use passed::Passed;
 
 /// Bounces before Russian roulette may end a path; Cycles begins there too.

@@ -1,4 +1,4 @@
-//! `docs/contract.md` is `src/contract.rs`, rendered. After a change of the tables,
+//! `docs/contract.md` is `src/contract/`, rendered. After a change of the tables,
 //! `UPDATE=1 cargo test --test contract` writes the page anew.
 
 #![allow(clippy::unwrap_used)] // a test that cannot read or write the page has failed
@@ -15,7 +15,7 @@ const PAGE: &str = "docs/contract.md";
 const INTRODUCTION: &str = "\
 # What crosses from the add-on into the renderer
 
-Rendered from the tables in `src/contract.rs` by `tests/contract.rs`; change the tables, then run
+Rendered from the tables in `src/contract/` by `tests/contract.rs`; change the tables, then run
 `UPDATE=1 cargo test --test contract`.
 
 Letters in a shape are lengths that the caller chooses: V vertices, T triangles, I instances,

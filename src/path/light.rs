@@ -124,7 +124,8 @@ pub(super) fn clamp_factor(radiance: Vec3A, throughput: f32, limit: f32) -> f32 
     }
 }
 
-pub(super) fn clamped(radiance: Vec3A, throughput: f32, limit: f32) -> Vec3A {
+/// Light, limited so.
+pub fn clamped(radiance: Vec3A, throughput: f32, limit: f32) -> Vec3A {
     radiance * clamp_factor(radiance, throughput, limit)
 }
 

@@ -22,7 +22,7 @@ use crate::film::{Caught, Extra, Film, Pixel, Region, Sighting};
 use crate::math::warp::sample_cosine_hemisphere;
 use crate::math::{Frame, PixelFilter, Ray};
 use crate::passes::{self, Seen, Shown};
-use crate::path::{Bounces, Divided, Passed, Reflected, Tracer, take_rays};
+use crate::path::{Bounces, Divided, Passed, Reflected, Tracer, clamped, take_rays};
 use crate::progress::Progress;
 use crate::sampling::{LightHit, Sampler, ShutterTimes, Strategy};
 use crate::scene::FrameWindow;
@@ -235,13 +235,18 @@ impl View<'_> {
         Sight {
             seen: self.sighting(shot, shown, coverage),
             share: share.element_sum() / 3.0,
-            emission: glow + lamps + passed.glow,
-            environment,
+            emission: self.limited(glow) + self.limited(lamps) + self.limited(passed.glow),
+            environment: self.limited(environment),
             below: surface.and_then(|surface| {
                 tracer.from_below(surface, Bounces::default(), 1.0, &shot.sampler)
             }),
             caught: self.caught(ray, &shot.sampler),
         }
+    }
+
+    /// Light that the camera sees at its source; it is limited as direct light is, as in Cycles.
+    fn limited(&self, light: Vec3A) -> Vec3A {
+        clamped(light, 1.0, self.tracer.settings.clamp_direct)
     }
 
     /// How much of the film the end of a ray covers, of whose light `share` arrives, and the radiance of
@@ -334,11 +339,12 @@ impl View<'_> {
         note(tracer.frame.world.reach.links.group, environment);
         if let Some(ray) = &shot.ray {
             for lamp in self.lamps_seen(ray) {
-                note(lamp.links.group, shot.passed.share(lamp.t) * lamp.radiance);
+                let light = shot.passed.share(lamp.t) * lamp.radiance;
+                note(lamp.links.group, self.limited(light));
             }
         }
         if let Some(surface) = &shot.surface {
-            note(tracer.group_of(surface), surface.emission);
+            note(tracer.group_of(surface), self.limited(surface.emission));
             tracer.note_scattered(surface, &shot.sampler, &mut note);
         }
     }

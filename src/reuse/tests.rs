@@ -326,6 +326,27 @@ fn a_pixel_that_borrows_nothing_is_path_tracing() {
     assert!(count > 200, "{count}");
 }
 
+/// Light that the camera sees, light that is sampled, found right away and found later: each brings a
+/// pixel at most its limit.
+#[test]
+fn limits_hold_for_all_light_of_a_pixel() {
+    const LIMIT: f32 = 0.01;
+    let frames: Vec<_> = (0..=2).map(|frame| yard_under(0.4, frame)).collect();
+    let mut shoot = shoot(&frames, settings(Method::Path));
+    shoot.settings.clamp_direct = LIMIT;
+    shoot.settings.clamp_indirect = LIMIT;
+    let (mut passes, _) = borrowing(&shoot, &[1]);
+    let [combined, _] = passes.remove(0);
+    let mut brightest = 0f32;
+    for [red, green, blue, _] in combined.as_chunks().0 {
+        brightest = brightest.max((red + green + blue) / 3.0);
+    }
+    assert!(
+        brightest > 0.5 * LIMIT && brightest < 4.0 * LIMIT,
+        "{brightest}"
+    );
+}
+
 /// By how much sharing changes the light of frame 1. In the two pilot iterations every pixel borrows,
 /// whether that pays or not, and the kernels are at their widest; so there are many pictures of them.
 fn energy_bias(frames: &[Arc<SceneFrame>], film_transparent: bool, pictures: u32) -> Estimate {

@@ -419,7 +419,10 @@ def test_presets_are_found_and_set_the_samples(scene: Any, preset: str, samples:
 def test_light_bounces_and_is_filtered_as_in_cycles_until_it_is_said_otherwise(scene: Any) -> None:
     scene.cycles.max_bounces, scene.cycles.pixel_filter_type = 3, "GAUSSIAN"
     scene.cycles.caustics_refractive = False
+    scene.cycles.sample_clamp_indirect, scene.cycles.blur_glossy = 4.0, 0.5
     settings = settings_of(scene)
+    limits = ("clamp_direct", "clamp_indirect", "blur_glossy")
+    assert [settings[name] for name in limits] == [0.0, 4.0, 0.5]
     assert (settings["max_bounces"], settings["filter"]) == (3, "GAUSSIAN")
     assert (settings["caustics_refractive"], settings["caustics_reflective"]) == (False, True)
     assert place_of(scene, "max_bounces") == (scene.cycles, "max_bounces")
