@@ -3,5 +3,6 @@
 pub mod energy;
 pub mod fresnel;
 mod layers;
+pub mod observer;
 
 pub use layers::{Coat, Layers, Sheen, below};
