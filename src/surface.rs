@@ -7,9 +7,14 @@ use glam::{Quat, Vec2, Vec3A};
 use crate::accel::Hit;
 use crate::math::{Ray, offset_origin};
 use crate::media::Collision;
-use crate::sampling::{Bsdf, Guides, Principled, alpha_of};
+use crate::optics::ThinFilm;
+use crate::optics::fresnel::Fresnel;
+use crate::sampling::{Brushed, Bsdf, Guides, Principled, alpha_of};
 use crate::scene::{Facet, Material, Membership, SceneFrame};
-use crate::shader::{self, Closure, Glossy, Point, RayInfo, RayKind, Strand, SubsurfaceMethod};
+use crate::shader::{
+    self, Closure, Glass, Glossy, Metal, Metallic, Point, RayInfo, RayKind, Strand,
+    SubsurfaceMethod,
+};
 use crate::subsurface::Subsurface;
 
 mod hair;
@@ -282,14 +287,8 @@ impl Surface {
                 normal,
             } => bsdf.add_diffuse(scaled(weight), color, bent(normal), roughness),
             Closure::Glossy(ref glossy) => add_glossy(bsdf, glossy, scaled(glossy.weight), point),
-            Closure::Glass(glass) => bsdf.add_glass(
-                scaled(glass.weight),
-                glass.color,
-                bent(glass.normal),
-                glass.roughness,
-                glass.ior,
-                glass.distribution,
-            ),
+            Closure::Metallic(ref m) => add_metallic(bsdf, m, scaled(m.weight), point),
+            Closure::Glass(ref glass) => add_glass(bsdf, glass, scaled(glass.weight), point),
             Closure::Refraction(glass) => {
                 let weight = scaled(glass.weight) * glass.color.max(Vec3A::ZERO);
                 bsdf.add_refraction(
@@ -506,6 +505,34 @@ fn add_glossy(bsdf: &mut Bsdf, glossy: &Glossy, weight: Vec3A, point: &Point) {
     );
 }
 
+fn add_glass(bsdf: &mut Bsdf, glass: &Glass, weight: Vec3A, point: &Point) {
+    let film = ThinFilm::new(glass.thin_film_thickness, glass.thin_film_ior);
+    bsdf.add_glass(
+        weight,
+        glass.color,
+        normal_at(point, glass.normal),
+        glass.roughness,
+        (glass.ior, film),
+        glass.distribution,
+    );
+}
+
+fn add_metallic(bsdf: &mut Bsdf, metallic: &Metallic, weight: Vec3A, point: &Point) {
+    let film = ThinFilm::new(metallic.thin_film_thickness, metallic.thin_film_ior);
+    let fresnel = match metallic.metal {
+        Metal::Conductor { index, extinction } => Fresnel::conductor(index, extinction, film),
+        Metal::Colors { base, edge_tint } => Fresnel::metal(base, edge_tint, film),
+    };
+    let brushed = Brushed {
+        normal: normal_at(point, metallic.normal),
+        roughness: metallic.roughness,
+        anisotropic: metallic.anisotropy,
+        rotation: metallic.rotation,
+        tangent: tangent_at(point, metallic.tangent),
+    };
+    bsdf.add_metallic(weight, fresnel, &brushed, metallic.distribution);
+}
+
 /// What the node's inputs mean here.
 fn principled(p: &shader::Principled, point: &Point) -> Principled {
     let normal = normal_at(point, p.normal);
@@ -530,6 +557,8 @@ fn principled(p: &shader::Principled, point: &Point) -> Principled {
         sheen: p.sheen_weight,
         sheen_roughness: p.sheen_roughness,
         sheen_tint: p.sheen_tint,
+        film: ThinFilm::new(p.thin_film_thickness, p.thin_film_ior),
+        has_filmed_metal: p.has_filmed_metal,
         normal,
         is_multiscatter: p.is_multiscatter,
     }
@@ -609,6 +638,7 @@ fn other_weights(frame: &SceneFrame, material: &Material, point: &Point) -> f32 
         sum += match closure {
             Closure::Principled(p) => p.weight,
             Closure::Glossy(glossy) => glossy.weight,
+            Closure::Metallic(metallic) => metallic.weight,
             Closure::Subsurface(s) => s.weight,
             Closure::Toon(toon) => toon.weight,
             Closure::Hair(hair) => hair.weight,

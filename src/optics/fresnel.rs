@@ -3,6 +3,7 @@
 use glam::Vec3A;
 
 use super::energy;
+use super::thin_film::{Ground, ThinFilm, Waves};
 
 /// Reflectance at normal incidence of a dielectric with this index of refraction.
 pub fn f0_from_ior(ior: f32) -> f32 {
@@ -18,14 +19,20 @@ pub fn ior_from_f0(f0: f32) -> f32 {
 
 /// Unpolarised reflectance of a dielectric for a cosine of incidence in [0, 1].
 pub fn dielectric(cos: f32, ior: f32) -> f32 {
+    amplitudes(cos, ior).map_or(1.0, |(_, [s, p])| 0.5 * (s * s + p * p))
+}
+
+/// Cosine of the refracted ray, and the amplitudes that a dielectric reflects of waves across the plane of
+/// incidence and in it, for a cosine of incidence in [0, 1]; none where all is reflected.
+pub fn amplitudes(cos: f32, ior: f32) -> Option<(f32, [f32; 2])> {
     let cos_transmitted_squared = 1.0 - (1.0 - cos * cos) / (ior * ior);
     if cos_transmitted_squared <= 0.0 {
-        return 1.0;
+        return None;
     }
     let cos_transmitted = cos_transmitted_squared.sqrt();
     let s = (cos - ior * cos_transmitted) / (cos + ior * cos_transmitted);
     let p = (ior * cos - cos_transmitted) / (ior * cos + cos_transmitted);
-    0.5 * (s * s + p * p)
+    Some((cos_transmitted, [s, p]))
 }
 
 /// How reflectance goes from F0 to F90: `F = F0 + s (F90 - F0)` with a curve s of the cosine.
@@ -79,7 +86,100 @@ impl Curve {
 
 /// The reflectance of a microfacet as a function of its cosine.
 #[derive(Debug, Clone, Copy)]
-pub struct Fresnel {
+pub enum Fresnel {
+    /// By a curve.
+    Curved(Curved),
+    /// By adding up waves.
+    Waves(Waves),
+}
+
+impl Fresnel {
+    /// Reflectance that follows `curve` from `f0` to `f90`.
+    pub fn new(curve: Curve, f0: Vec3A, f90: Vec3A) -> Self {
+        Self::Curved(Curved::new(curve, f0, f90))
+    }
+
+    /// A metal whose Schlick reflectance is multiplied by `edge_tint` at about 82 degrees, below a film.
+    ///
+    /// Source: Kutz, Hasan and Edmondson, "Novel aspects of the Adobe Standard Material", 2023
+    /// (F82-tint); Blender's Principled BSDF takes Specular Tint for it.
+    pub fn metal(f0: Vec3A, edge_tint: Vec3A, film: ThinFilm) -> Self {
+        let edge = edge_tint * Curved::new(Curve::Schlick, f0, Vec3A::ONE).at(EDGE_COS);
+        match film.is_none() {
+            true => Self::Curved(Curved::metal(f0, edge)),
+            false => Self::Waves(Waves::new(film, Ground::metal(f0, edge))),
+        }
+    }
+
+    /// A conductor of this complex index of refraction, `index + i extinction`, below a film.
+    pub fn conductor(index: Vec3A, extinction: Vec3A, film: ThinFilm) -> Self {
+        Self::Waves(Waves::new(film, Ground::conductor(index, extinction)))
+    }
+
+    /// A dielectric whose reflectance at normal incidence is changed to `f0`, below a film.
+    pub fn dielectric(ior: f32, f0: Vec3A, film: ThinFilm) -> Self {
+        match film.is_none() {
+            true => Self::new(Curve::Dielectric { ior }, f0, Vec3A::ONE),
+            false => Self::Waves(Waves::new(film, Ground::dielectric(ior, f0))),
+        }
+    }
+
+    /// Reflectance under a cosine in [0, 1].
+    pub fn at(&self, cos: f32) -> Vec3A {
+        match self {
+            Self::Curved(curved) => curved.at(cos),
+            Self::Waves(waves) => waves.at(cos),
+        }
+    }
+
+    /// The mean over the hemisphere, weighted by the cosine. A film does not count in it.
+    pub fn mean(&self) -> Vec3A {
+        match self {
+            Self::Curved(curved) => curved.mean(),
+            Self::Waves(waves) => waves.bare_mean(),
+        }
+    }
+
+    /// The mean over the microfacets of this roughness seen under a cosine; that of waves is taken as
+    /// that of a mirror.
+    pub fn seen_under(&self, roughness: f32, cos: f32) -> Vec3A {
+        match self {
+            Self::Curved(curved) => curved.seen_under(roughness, cos),
+            Self::Waves(waves) => waves.at(cos),
+        }
+    }
+
+    /// Takes up another reflectance, but keeps what it is of.
+    pub fn add(&mut self, other: &Fresnel) {
+        match (self, other) {
+            (Self::Curved(own), Self::Curved(other)) => own.add(other),
+            (Self::Waves(own), Self::Waves(other)) => own.add(other.factor()),
+            (Self::Curved(own), Self::Waves(other)) => own.f90 += other.factor(),
+            (Self::Waves(own), Self::Curved(other)) => own.add(other.f90),
+        }
+    }
+
+    /// Index of refraction, 0 for Schlick's curve, with the reflectances at normal and at grazing
+    /// incidence; none for a metal whose edge is tinted, and none by waves.
+    pub fn parts(&self) -> Option<(f32, Vec3A, Vec3A)> {
+        match self {
+            Self::Curved(curved) => curved.parts(),
+            Self::Waves(_) => None,
+        }
+    }
+
+    /// The same, multiplied by a colour.
+    pub fn scaled(&self, factor: Vec3A) -> Self {
+        match self {
+            Self::Curved(curved) => Self::Curved(curved.scaled(factor)),
+            Self::Waves(waves) => Self::Waves(waves.scaled(factor)),
+        }
+    }
+}
+
+/// Reflectance by a curve.
+#[derive(Debug, Clone, Copy)]
+pub struct Curved {
     curve: Curve,
     f0: Vec3A,
     f90: Vec3A,
@@ -88,9 +188,9 @@ pub struct Fresnel {
 }
 
 /// Cosine of the angle, about 82 degrees, at which a metal's edge tint acts.
-const EDGE_COS: f32 = 1.0 / 7.0;
+pub const EDGE_COS: f32 = 1.0 / 7.0;
 
-impl Fresnel {
+impl Curved {
     /// Reflectance that follows `curve` from `f0` to `f90`.
     pub fn new(curve: Curve, f0: Vec3A, f90: Vec3A) -> Self {
         Self {
@@ -101,15 +201,12 @@ impl Fresnel {
         }
     }
 
-    /// A metal whose Schlick reflectance is multiplied by `edge_tint` at about 82 degrees.
-    ///
-    /// Source: Kutz, Hasan and Edmondson, "Novel aspects of the Adobe Standard Material", 2023
-    /// (F82-tint); Blender's Principled BSDF takes Specular Tint for it.
-    pub fn metal(f0: Vec3A, edge_tint: Vec3A) -> Self {
+    /// A metal that reflects `f0` at normal incidence and `edge` at about 82 degrees.
+    pub fn metal(f0: Vec3A, edge: Vec3A) -> Self {
         let schlick = Self::new(Curve::Schlick, f0, Vec3A::ONE);
         let shape = EDGE_COS * Curve::Schlick.at(EDGE_COS) * (1.0 - EDGE_COS);
         Self {
-            dip: schlick.at(EDGE_COS) * (Vec3A::ONE - edge_tint) / shape,
+            dip: (schlick.at(EDGE_COS) - edge) / shape,
             ..schlick
         }
     }
@@ -131,7 +228,7 @@ impl Fresnel {
 
     /// The mean over the microfacets of this roughness seen under a cosine; the dip is taken as that
     /// of a mirror.
-    pub fn seen_under(&self, roughness: f32, cos: f32) -> Vec3A {
+    fn seen_under(&self, roughness: f32, cos: f32) -> Vec3A {
         let mean = match self.curve {
             // The table knows rays that enter only; those that leave are near a mirror's.
             Curve::Dielectric { ior } if ior < 1.0 => self.curve.at(cos),
@@ -141,16 +238,13 @@ impl Fresnel {
         (mix(self.f0, self.f90, mean) - self.dip * dip).max(Vec3A::ZERO)
     }
 
-    /// Takes up another reflectance, but keeps the curve.
-    pub fn add(&mut self, other: &Fresnel) {
+    fn add(&mut self, other: &Self) {
         self.f0 += other.f0;
         self.f90 += other.f90;
         self.dip += other.dip;
     }
 
-    /// Index of refraction, 0 for Schlick's curve, with the reflectances at normal and at grazing
-    /// incidence; none for a metal whose edge is tinted.
-    pub fn parts(&self) -> Option<(f32, Vec3A, Vec3A)> {
+    fn parts(&self) -> Option<(f32, Vec3A, Vec3A)> {
         let ior = match self.curve {
             Curve::Schlick => 0.0,
             Curve::Dielectric { ior } => ior,
@@ -158,8 +252,7 @@ impl Fresnel {
         (self.dip == Vec3A::ZERO).then_some((ior, self.f0, self.f90))
     }
 
-    /// The same, multiplied by a colour.
-    pub fn scaled(&self, factor: Vec3A) -> Self {
+    fn scaled(&self, factor: Vec3A) -> Self {
         Self {
             curve: self.curve,
             f0: self.f0 * factor,
@@ -177,6 +270,12 @@ fn mix(a: Vec3A, b: Vec3A, s: f32) -> Vec3A {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Every hit on a glossy surface moves some of them.
+    #[test]
+    fn waves_take_no_more_room_than_curves() {
+        assert_eq!(size_of::<Fresnel>(), size_of::<Curved>());
+    }
 
     #[test]
     fn f0_and_ior_are_inverse() {
@@ -216,7 +315,8 @@ mod tests {
     #[test]
     fn edge_tint_acts_at_82_degrees_and_its_mean_is_the_integral() {
         let (f0, tint) = (Vec3A::new(0.9, 0.5, 0.1), Vec3A::new(1.0, 0.5, 0.7));
-        let (metal, plain) = (Fresnel::metal(f0, tint), Fresnel::metal(f0, Vec3A::ONE));
+        let [metal, plain] =
+            [tint, Vec3A::ONE].map(|tint| Fresnel::metal(f0, tint, ThinFilm::NONE));
         assert!((metal.at(EDGE_COS) - tint * plain.at(EDGE_COS)).length() < 1e-5);
         assert_eq!(metal.at(1.0), f0);
         let steps = 4000;

@@ -7,8 +7,8 @@ mod sampler;
 mod shutter;
 
 pub use bsdf::{
-    ALPHA_MIN, Bsdf, BsdfSample, Gloss, Guides, Hair, LobePdfs, LobeValues, Part, Principled,
-    alpha_of, sample_scattered,
+    ALPHA_MIN, Brushed, Bsdf, BsdfSample, Gloss, Guides, Hair, LobePdfs, LobeValues, Part,
+    Principled, alpha_of, sample_scattered,
 };
 pub use lights::{
     LightClass, LightHit, LightSample, LightSampler, Receiver, Strategy, emitted_radiance,

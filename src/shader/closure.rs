@@ -18,6 +18,8 @@ pub enum Closure {
     },
     /// GGX reflection.
     Glossy(Glossy),
+    /// Reflection by a metal.
+    Metallic(Metallic),
     /// GGX reflection and refraction by Fresnel.
     Glass(Glass),
     /// GGX refraction alone.
@@ -83,8 +85,39 @@ pub struct Glass {
     pub roughness: f32,
     pub ior: f32,
     pub normal: Vec3A,
+    pub thin_film_thickness: f32,
+    pub thin_film_ior: f32,
     pub distribution: Distribution,
 }
+
+/// Inputs of Blender's Metallic BSDF.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "the fields are the inputs of Blender's node")]
+pub struct Metallic {
+    pub weight: f32,
+    pub metal: Metal,
+    pub roughness: f32,
+    pub anisotropy: f32,
+    pub rotation: f32,
+    pub normal: Vec3A,
+    pub tangent: Vec3A,
+    pub thin_film_thickness: f32,
+    pub thin_film_ior: f32,
+    pub distribution: Distribution,
+}
+
+/// What a metal is known by, in the order of [`METALS`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(missing_docs, reason = "the fields are the inputs of Blender's node")]
+pub enum Metal {
+    /// Its complex index of refraction.
+    Conductor { index: Vec3A, extinction: Vec3A },
+    /// Its colours.
+    Colors { base: Vec3A, edge_tint: Vec3A },
+}
+
+/// What Blender calls them.
+pub const METALS: &[&str] = &["PHYSICAL_CONDUCTOR", "F82"];
 
 /// How microfacets lie, in the order of [`DISTRIBUTIONS`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -99,6 +132,9 @@ pub enum Distribution {
 
 /// What Blender calls them.
 pub const DISTRIBUTIONS: &[&str] = &["GGX", "MULTI_GGX", "BECKMANN"];
+
+/// What the film of Principled BSDF lies on: before Blender 5.0 on metal there was none.
+pub const FILMED: &[&str] = &["METALS", "DIELECTRICS"];
 
 /// Inputs of Blender's Toon BSDF.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -239,5 +275,6 @@ pub struct Principled {
     pub sheen_tint: Vec3A,
     pub thin_film_thickness: f32,
     pub thin_film_ior: f32,
+    pub has_filmed_metal: bool,
     pub is_multiscatter: bool,
 }

@@ -19,8 +19,8 @@ mod program;
 mod strand;
 
 pub use closure::{
-    Closure, Distribution, Glass, Glossy, Hair, Pigment, Principled, Streak, Subsurface,
-    SubsurfaceMethod, Volume,
+    Closure, Distribution, Glass, Glossy, Hair, Metal, Metallic, Pigment, Principled, Streak,
+    Subsurface, SubsurfaceMethod, Volume,
 };
 pub use operation::{OPERATIONS, Operation, Parameter};
 pub use ops::TABLE_SIZE;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{Vec3A, Vec4};
 
-use super::closure::{Closure, DISTRIBUTIONS, PIGMENTS, SUBSURFACE_METHODS};
+use super::closure::{Closure, DISTRIBUTIONS, FILMED, METALS, PIGMENTS, SUBSURFACE_METHODS};
 use super::ops::{
     closures, color, convert, input, layers, noise, normal, pattern, texture, vector, voronoi,
 };
@@ -246,10 +246,11 @@ pub static OPERATIONS: &[Operation] = &[
     here("height", &["Displacement"], None, normal::height),
     here("uv_tangent", &[], Attribute, normal::uv_tangent),
     here("radial_tangent", &["Generated"], Modes(&[&["X", "Y", "Z"]]), normal::radial_tangent),
-    closure("principled", &["Weight", "Base Color", "Metallic", "Roughness", "IOR", "Normal", "Diffuse Roughness", "Subsurface Weight", "Subsurface Radius", "Subsurface Scale", "Specular IOR Level", "Specular Tint", "Anisotropic", "Anisotropic Rotation", "Tangent", "Transmission Weight", "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal", "Sheen Weight", "Sheen Roughness", "Sheen Tint", "Thin Film Thickness", "Thin Film IOR", "Subsurface IOR", "Subsurface Anisotropy"], Modes(&[OFF_ON, SUBSURFACE_METHODS]), closures::principled),
+    closure("principled", &["Weight", "Base Color", "Metallic", "Roughness", "IOR", "Normal", "Diffuse Roughness", "Subsurface Weight", "Subsurface Radius", "Subsurface Scale", "Specular IOR Level", "Specular Tint", "Anisotropic", "Anisotropic Rotation", "Tangent", "Transmission Weight", "Coat Weight", "Coat Roughness", "Coat IOR", "Coat Tint", "Coat Normal", "Sheen Weight", "Sheen Roughness", "Sheen Tint", "Thin Film Thickness", "Thin Film IOR", "Subsurface IOR", "Subsurface Anisotropy"], Modes(&[OFF_ON, SUBSURFACE_METHODS, FILMED]), closures::principled),
     closure("diffuse", &["Weight", "Color", "Roughness", "Normal"], None, closures::diffuse),
     closure("glossy", &["Weight", "Color", "Roughness", "Anisotropy", "Rotation", "Normal", "Tangent"], Modes(&[DISTRIBUTIONS]), closures::glossy),
-    closure("glass", &["Weight", "Color", "Roughness", "IOR", "Normal"], Modes(&[DISTRIBUTIONS]), closures::glass),
+    closure("metallic", &["Weight", "Base Color", "Edge Tint", "IOR", "Extinction", "Roughness", "Anisotropy", "Rotation", "Normal", "Tangent", "Thin Film Thickness", "Thin Film IOR"], Modes(&[DISTRIBUTIONS, METALS]), closures::metallic),
+    closure("glass", &["Weight", "Color", "Roughness", "IOR", "Normal", "Thin Film Thickness", "Thin Film IOR"], Modes(&[DISTRIBUTIONS]), closures::glass),
     closure("refraction", &["Weight", "Color", "Roughness", "IOR", "Normal"], Modes(&[DISTRIBUTIONS]), closures::refraction),
     closure("translucent", &["Weight", "Color", "Normal"], None, closures::translucent),
     closure("sheen", &["Weight", "Color", "Roughness", "Normal"], Modes(&[&["MICROFIBER", "ASHIKHMIN"]]), closures::sheen),

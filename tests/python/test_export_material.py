@@ -207,24 +207,26 @@ def test_links_are_followed_through_groups_reroutes_and_mutes() -> None:
     assert closure["roughness"] == 0.125
 
 
-LEFT_OUT = [
-    (["Thin Film Thickness"], "Thin Film is not rendered yet"),
-]
+NO_GLASS_FILM = pytest.mark.skipif(bpy.app.version < (5, 0, 0), reason="films of Blender 5.0")
 
 
-@pytest.mark.parametrize(("identifiers", "what"), LEFT_OUT)
-def test_what_principled_does_beyond_is_named_once(identifiers: list[str], what: str) -> None:
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "ShaderNodeBsdfPrincipled",
+        pytest.param("ShaderNodeBsdfGlass", marks=NO_GLASS_FILM),
+        pytest.param("ShaderNodeBsdfMetallic", marks=NO_GLASS_FILM),
+    ],
+)
+def test_films_lie_on_metals_since_blender_5(kind: str) -> None:
     def build(tree: Any) -> Any:
-        shader = node(tree, "ShaderNodeBsdfPrincipled")
-        for identifier in identifiers:
-            socket_of(shader, identifier.replace(" ", "_")).default_value = 0.5
-        return shader.outputs[0]
+        return node(tree, kind, Thin_Film_Thickness=300.0, Thin_Film_IOR=1.5).outputs[0]
 
-    _, warnings = closures_of(build, "Glass Panel")
-    assert warnings == [f"'Glass Panel': {what}"]
-    twin = add_mesh("Twin")
-    twin.data.materials.append(bpy.data.materials["Glass Panel"])
-    assert export_now().warnings == warnings
+    (closure,), warnings = closures_of(build)
+    assert warnings == []
+    assert (closure["thin_film_thickness"], closure["thin_film_ior"]) == (300.0, 1.5)
+    if "Principled" in kind:
+        assert closure["has_filmed_metal"] == (bpy.app.version >= (5, 0, 0))
 
 
 def test_displacement_bends_normals_or_moves_vertices_and_volumes_are_no_surface() -> None:
@@ -357,28 +359,28 @@ def test_distributions_beyond_are_named() -> None:
 
 
 @pytest.mark.skipif(bpy.app.version < (4, 3, 0), reason="Metallic BSDF came with Blender 4.3")
-def test_a_metal_of_known_index_has_fresnels_colours() -> None:
-    n, k = np.array([0.2, 1.0, 2.0]), np.array([3.0, 2.0, 1.0])
-
+@pytest.mark.parametrize("known_by", ["PHYSICAL_CONDUCTOR", "F82"])
+def test_a_metal_is_known_by_its_index_or_by_its_colours(known_by: str) -> None:
     def build(tree: Any) -> Any:
         metal = node(
-            tree, "ShaderNodeBsdfMetallic", IOR=(0.2, 1.0, 2.0), Extinction=(3.0, 2.0, 1.0)
+            tree,
+            "ShaderNodeBsdfMetallic",
+            IOR=(0.25, 1.0, 2.0),
+            Extinction=(3.0, 2.0, 1.0),
+            Base_Color=(0.5, 0.25, 0.125, 1.0),
+            Edge_Tint=(1.0, 0.5, 0.25, 1.0),
         )
-        metal.fresnel_type = "PHYSICAL_CONDUCTOR"
+        metal.fresnel_type, metal.distribution = known_by, "BECKMANN"
         return metal.outputs[0]
 
     (closure,), warnings = closures_of(build)
     assert warnings == []
-    facing = ((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2)
-    assert np.allclose(closure["base_color"], facing, atol=1e-6)
-    # The complex Fresnel equations at a cosine of 1/7.
-    cos, index = 1 / 7, n + 1j * k
-    inside = np.sqrt(1 - (1 - cos**2) / index**2)
-    across = (cos - index * inside) / (cos + index * inside)
-    along = (index * cos - inside) / (index * cos + inside)
-    exact = 0.5 * (abs(across) ** 2 + abs(along) ** 2)
-    schlick = facing + (1 - facing) * (1 - cos) ** 5
-    assert np.allclose(closure["specular_tint"] * schlick, np.minimum(exact, schlick), atol=1e-6)
+    assert closure.kind == "Metallic"
+    colors = {"base": [0.5, 0.25, 0.125], "edge_tint": [1.0, 0.5, 0.25]}
+    indices = {"index": [0.25, 1.0, 2.0], "extinction": [3.0, 2.0, 1.0]}
+    expected, other = (colors, indices) if known_by == "F82" else (indices, colors)
+    assert {key: closure[key] for key in expected} == expected
+    assert closure.values.keys().isdisjoint(other)
 
 
 def test_a_grain_without_a_tangent_runs_around_the_objects_axis() -> None:

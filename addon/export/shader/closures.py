@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import bpy
 
-from ..nodes import Color, Constant, Source, linked_shader
+from ..nodes import Constant, Source, linked_shader
 from .compiler import ONE, ZERO, Compiler
 from .layers import HAIR, STRAND
-from .program import Operand, Operation, Value
+from .program import Operand, Operation
 from .volumes import VOLUMES
 
 # Blender's reflectance where nothing is known.
@@ -89,13 +89,15 @@ def _modes(source: Source, operation: Operation) -> list[str]:
     keeps_all = str(distribution == "MULTI_GGX")
     if distribution not in (*DISTRIBUTIONS, *FIBRES):
         distribution = "GGX"
-    chosen = (keeps_all, distribution, below, component)
+    metal = getattr(source.node, "fresnel_type", "")  # of Metallic
+    filmed = "METALS" if bpy.app.version >= (5, 0, 0) else "DIELECTRICS"
+    chosen = (keeps_all, distribution, below, component, metal, filmed)
     return [mode for modes in operation.modes for mode in chosen if mode in modes]
 
 
 # How microfacets may lie, and the closures that know all of them.
 DISTRIBUTIONS = ("GGX", "MULTI_GGX", "BECKMANN")
-MICROFACETS = ("glossy", "glass", "refraction")
+MICROFACETS = ("glossy", "metallic", "glass", "refraction")
 # How the fibres of cloth may stand.
 FIBRES = ("MICROFIBER", "ASHIKHMIN")
 # How light may scatter below a surface.
@@ -118,12 +120,10 @@ def _warn_of_closure(compiler: Compiler, source: Source, name: str) -> None:
     if distribution not in known:
         what = distribution.replace("_", "-").title()
         compiler.missing(f"{what} distribution", "GGX is used")
-    compiler.missing_unless(source, "Thin Film Thickness", 0.0, "Thin Film")
 
 
 def principled(compiler: Compiler, source: Source, weight: Operand) -> None:
     """Reflection, light and transparency of a Principled BSDF."""
-    compiler.missing_unless(source, "Thin Film Thickness", 0.0, "Thin Film")
     alpha = compiler.saturated(compiler.input(source, "Alpha"))
     opaque = compiler.times(weight, alpha)
     _closure(compiler, source, "principled", opaque)
@@ -163,60 +163,6 @@ def streak(compiler: Compiler, source: Source, weight: Operand) -> None:
     operands = (compiler.input(source, name) for name in operation.inputs[1:])
     parameter = operation.parameter((source.node.component,)) or 0
     compiler.emit("streak", weight, *operands, parameter=parameter)
-
-
-def metallic(compiler: Compiler, source: Source, weight: Operand) -> None:
-    """Metallic BSDF: the metal of a Principled BSDF, which has the same Fresnel curve.
-
-    That of a physical conductor is matched where it meets the curve: at 0 and about 82 degrees.
-    """
-    _warn_of_closure(compiler, source, "metallic")
-    color, edge = compiler.input(source, "Base Color"), compiler.input(source, "Edge Tint")
-    if source.node.fresnel_type == "PHYSICAL_CONDUCTOR":
-        index, extinction = (compiler.input(source, name) for name in ("IOR", "Extinction"))
-        if isinstance(index, Value) or isinstance(extinction, Value):
-            compiler.missing("Physical conductor with textures", "Base Color is used")
-        else:
-            pairs = list(zip(index, extinction, strict=True))
-            color = _color(conductor_reflectance(1.0, *pair) for pair in pairs)
-            edge = _color(edge_tint(*pair) for pair in pairs)
-    given: dict[str, Operand] = {
-        "Weight": weight,
-        "Base Color": color,
-        "Metallic": ONE,
-        "Specular Tint": edge,
-        "Anisotropic": compiler.input(source, "Anisotropy"),
-        "Anisotropic Rotation": compiler.input(source, "Rotation"),
-    }
-    own = ("Roughness", "Normal", "Tangent")
-    given |= {name: compiler.input(source, name) for name in own}
-    operands = (given.get(name, ZERO) for name in compiler.operations["principled"].inputs)
-    keeps_all = source.node.distribution == "MULTI_GGX"
-    compiler.emit("principled", *operands, parameter=KEEPS_ALL if keeps_all else 0)
-
-
-def conductor_reflectance(cos: float, index: float, extinction: float) -> float:
-    """Fresnel's reflectance of a metal for unpolarised light."""
-    n2, k2, sin2 = index**2, extinction**2, 1.0 - cos**2
-    t0 = n2 - k2 - sin2
-    a2_b2 = (t0**2 + 4.0 * n2 * k2) ** 0.5
-    t1, t2 = a2_b2 + cos**2, 2.0 * cos * max(0.5 * (a2_b2 + t0), 0.0) ** 0.5
-    across = (t1 - t2) / (t1 + t2)
-    t3, t4 = cos**2 * a2_b2 + sin2**2, t2 * sin2
-    return 0.5 * (across + across * (t3 - t4) / (t3 + t4))
-
-
-def edge_tint(index: float, extinction: float) -> float:
-    """Reflectance at a cosine of 1/7 over what Schlick's curve has there."""
-    cos = 1.0 / 7.0
-    facing = conductor_reflectance(1.0, index, extinction)
-    schlick = facing + (1.0 - facing) * (1.0 - cos) ** 5
-    return min(conductor_reflectance(cos, index, extinction) / schlick, 1.0)
-
-
-def _color(channels: Iterable[float]) -> Color:
-    red, green, blue = channels
-    return (red, green, blue)
 
 
 def emission(compiler: Compiler, source: Source, weight: Operand) -> None:
@@ -275,7 +221,7 @@ SHADERS: dict[str, Shader] = {
     "ShaderNodeBsdfGlass": closure("glass"),
     "ShaderNodeBsdfHair": streak,
     "ShaderNodeBsdfHairPrincipled": hair,
-    "ShaderNodeBsdfMetallic": metallic,
+    "ShaderNodeBsdfMetallic": closure("metallic"),
     "ShaderNodeBsdfPrincipled": principled,
     "ShaderNodeBsdfRefraction": closure("refraction"),
     "ShaderNodeBsdfSheen": closure("sheen"),

@@ -225,13 +225,6 @@ class Compiler:
         suffix = f" ({instead})" if instead else ""
         self.warn(f"{what} is not rendered yet{suffix}")
 
-    def missing_unless(
-        self, node: Source, identifier: str, neutral: float, what: str, instead: str = ""
-    ) -> None:
-        """Warn if an input holds anything but the value at which it does nothing."""
-        if not self.holds(node, identifier, neutral):
-            self.missing(what, instead)
-
     def holds(self, node: Source, identifier: str, value: float) -> bool:
         """Tell whether an input is this value everywhere; one that a node lacks counts as such."""
         socket = node.input(identifier)

@@ -5,8 +5,9 @@ use glam::Vec3A;
 
 use super::{Part, Scattered};
 use crate::math::{Beckmann, Ggx};
+use crate::optics::ThinFilm;
 use crate::optics::energy;
-use crate::optics::fresnel::{Curve, Fresnel};
+use crate::optics::fresnel::{Fresnel, dielectric};
 
 /// Smallest GGX alpha (a roughness of 0.01): keeps every density finite in single precision. A
 /// mirror blurs by a hundredth of a degree, a hundredth of the sun's disk.
@@ -133,6 +134,8 @@ pub struct Interface<F = Ggx> {
     reflects: bool,
     /// Reflectance at normal incidence.
     f0: Vec3A,
+    /// What lies on the surface, as the viewer sees it.
+    film: ThinFilm,
     /// Factor on what is reflected, weight and compensation included.
     reflection: Vec3A,
     /// Factor on what is refracted, weight and compensation included.
@@ -148,6 +151,8 @@ pub struct Glass {
     pub ior: f32,
     /// Reflectance at normal incidence; `None` where all is refracted unless it cannot be.
     pub f0: Option<Vec3A>,
+    /// What lies on the surface, as the viewer sees it.
+    pub film: ThinFilm,
     /// Colour of what is reflected.
     pub reflection_tint: Vec3A,
     /// Colour of what is refracted.
@@ -189,13 +194,13 @@ impl<F: Facets> Interface<F> {
             ior,
             reflects: glass.f0.is_some(),
             f0: glass.f0.unwrap_or(Vec3A::ZERO),
+            film: glass.film,
             reflection: scale * glass.reflection_tint,
             transmission: scale * glass.transmission_tint,
         };
-        let seen = match glass.f0 {
-            Some(f0) => Fresnel::new(Curve::Dielectric { ior }, f0, Vec3A::ONE)
-                .seen_under(roughness, cos_wo),
-            None => Vec3A::ZERO,
+        let seen = match interface.reflects {
+            true => interface.fresnel().seen_under(roughness, cos_wo),
+            false => Vec3A::ZERO,
         };
         let albedos = [
             seen * interface.reflection * single,
@@ -230,12 +235,16 @@ impl<F: Facets> Interface<F> {
         }
     }
 
+    /// How its microfacets reflect where they follow Fresnel.
+    fn fresnel(&self) -> Fresnel {
+        Fresnel::dielectric(self.ior, self.f0, self.film)
+    }
+
     /// What a microfacet reflects and what it refracts, under a cosine.
     fn split(&self, cos: f32) -> [Vec3A; 2] {
-        let share = Curve::Dielectric { ior: self.ior }.at(cos);
         let reflectance = if self.reflects {
-            self.f0 + share * (Vec3A::ONE - self.f0)
-        } else if share < 1.0 {
+            self.fresnel().at(cos)
+        } else if dielectric(cos, self.ior) < 1.0 {
             Vec3A::ZERO
         } else {
             // Total reflection takes the light away that this closure only refracts.

@@ -30,6 +30,7 @@ use smallvec::SmallVec;
 
 use crate::math::warp::{pdf_cosine_hemisphere, sample_cosine_hemisphere};
 use crate::math::{Beckmann, Frame, Ggx, luminance, reflecting_normal};
+use crate::optics::ThinFilm;
 use crate::optics::fresnel::{Curve, Fresnel, f0_from_ior};
 use crate::shader::Distribution;
 use diffuse::{OrenNayar, Sheen, Translucent};
@@ -40,7 +41,7 @@ pub use microfacet::ALPHA_MIN;
 use microfacet::{Glass, Interface, Reflection};
 use phase::Phase;
 pub use phase::sample_scattered;
-pub use principled::Principled;
+pub use principled::{Brushed, Principled};
 use streak::Streak;
 use toon::Toon;
 use velvet::Velvet;
@@ -339,24 +340,42 @@ impl Bsdf {
         };
         let view = self.view(normal, tangent);
         let fresnel = Fresnel::new(Curve::Schlick, color, color);
+        self.add_facets(view, weight, [along, across], fresnel, distribution);
+    }
+
+    /// Adds a Metallic BSDF.
+    pub fn add_metallic(
+        &mut self,
+        weight: Vec3A,
+        fresnel: Fresnel,
+        brushed: &Brushed,
+        distribution: Distribution,
+    ) {
+        let (view, alphas) = self.brushed(brushed);
+        self.add_facets(view, weight, alphas, fresnel, distribution);
+    }
+
+    /// Adds microfacets that reflect, with these alphas along and across a grain.
+    fn add_facets(
+        &mut self,
+        view: u8,
+        weight: Vec3A,
+        [along, across]: [f32; 2],
+        fresnel: Fresnel,
+        distribution: Distribution,
+    ) {
         if distribution == Distribution::Beckmann {
             let (facets, cos) = (Beckmann::new(along, across), self.cos_wo(view));
             let (model, albedo) = Reflection::new(weight, facets, fresnel, false, cos);
-            self.add(
-                view,
-                Model::BeckmannReflection(model),
-                [albedo, Vec3A::ZERO],
-            );
+            let model = Model::BeckmannReflection(model);
+            self.add(view, model, [albedo, Vec3A::ZERO]);
             return;
         }
-        let is_multiscatter = distribution == Distribution::MultiGgx;
-        self.add_reflection(
-            view,
-            weight,
+        let (ggx, is_multiscatter) = (
             Ggx::new(along, across),
-            fresnel,
-            is_multiscatter,
+            distribution == Distribution::MultiGgx,
         );
+        self.add_reflection(view, weight, ggx, fresnel, is_multiscatter);
     }
 
     /// Adds a Refraction BSDF; the weight includes its colour.
@@ -372,20 +391,21 @@ impl Bsdf {
             alpha: alpha_of(roughness),
             ior: self.relative_ior(ior),
             f0: None,
+            film: ThinFilm::NONE,
             reflection_tint: Vec3A::ZERO,
             transmission_tint: Vec3A::ONE,
         };
         self.add_interface(weight, normal, &glass, distribution);
     }
 
-    /// Adds a Glass BSDF.
+    /// Adds a Glass BSDF, with what lies on it, seen from outside.
     pub fn add_glass(
         &mut self,
         weight: Vec3A,
         color: Vec3A,
         normal: Vec3A,
         roughness: f32,
-        ior: f32,
+        (ior, film): (f32, ThinFilm),
         distribution: Distribution,
     ) {
         let color = color.max(Vec3A::ZERO);
@@ -393,6 +413,7 @@ impl Bsdf {
             alpha: alpha_of(roughness),
             ior: self.relative_ior(ior),
             f0: Some(Vec3A::splat(f0_from_ior(ior.max(1e-5)))),
+            film: self.seen_film(film, ior),
             reflection_tint: color,
             transmission_tint: color,
         };
@@ -569,6 +590,14 @@ impl Bsdf {
     fn relative_ior(&self, ior: f32) -> f32 {
         let ior = ior.max(1e-5);
         if self.is_front { ior } else { 1.0 / ior }
+    }
+
+    /// A film on glass of this index of refraction, from the viewer's side.
+    fn seen_film(&self, film: ThinFilm, ior: f32) -> ThinFilm {
+        match self.is_front {
+            true => film,
+            false => film.from_below(ior.max(1e-5)),
+        }
     }
 
     /// The normal, bent so far that a mirror sends the viewer's direction back above the surface.

@@ -3,17 +3,14 @@
 //! From above: sheen, coat, then metal, transmission and a dielectric mixed by their weights; the
 //! dielectric lies over diffuse. What a layer reflects towards the viewer is missing below it
 //! (Cycles' albedo scaling). Emission lies below sheen and coat too; the caller adds it.
-//!
-//! # Approximations
-//! Thin film is left out; the add-on names it.
 
 use glam::Vec3A;
 
 use super::microfacet::Glass;
 use super::{Bsdf, rotated_about};
 use crate::math::Ggx;
-use crate::optics::fresnel::{Curve, Fresnel, f0_from_ior, ior_from_f0};
-use crate::optics::{Coat, Layers, Sheen, below};
+use crate::optics::fresnel::{Fresnel, f0_from_ior, ior_from_f0};
+use crate::optics::{Coat, Layers, Sheen, ThinFilm, below};
 use crate::shader::Distribution;
 
 /// Principled BSDF after its textures. Names and ranges are those of the node's sockets.
@@ -59,10 +56,29 @@ pub struct Principled {
     pub sheen_roughness: f32,
     /// Sheen tint.
     pub sheen_tint: Vec3A,
+    /// What lies on metal, glass and dielectric, below the coat, seen from outside.
+    pub film: ThinFilm,
+    /// Whether it lies on metal, too: not before Blender 5.0.
+    pub has_filmed_metal: bool,
     /// Unit shading normal on the viewer's side, world space.
     pub normal: Vec3A,
     /// Whether light that bounces between microfacets is kept ("Multiscatter GGX").
     pub is_multiscatter: bool,
+}
+
+/// How microfacets lie that may have a grain, as Principled BSDF and Metallic BSDF say it.
+#[derive(Debug, Clone, Copy)]
+pub struct Brushed {
+    /// Unit shading normal on the viewer's side, world space.
+    pub normal: Vec3A,
+    /// Blender's roughness, 0 to 1; GGX alpha is its square.
+    pub roughness: f32,
+    /// Anisotropic, 0 to 1.
+    pub anisotropic: f32,
+    /// Turn of the tangent about the normal, 1 for a full circle.
+    pub rotation: f32,
+    /// Tangent, world space, of any length; not asked for without anisotropy.
+    pub tangent: Vec3A,
 }
 
 impl Principled {
@@ -89,6 +105,8 @@ impl Principled {
             sheen: 0.0,
             sheen_roughness: 0.5,
             sheen_tint: Vec3A::ONE,
+            film: ThinFilm::NONE,
+            has_filmed_metal: true,
             normal,
             is_multiscatter: true,
         }
@@ -167,7 +185,11 @@ impl Bsdf {
         let f0 = params.base_color.clamp(Vec3A::ZERO, Vec3A::ONE);
         let tint = params.specular_tint.clamp(Vec3A::ZERO, Vec3A::ONE);
         let (view, ggx) = self.grain(params);
-        let fresnel = Fresnel::metal(f0, tint);
+        let film = match params.has_filmed_metal {
+            true => params.film,
+            false => ThinFilm::NONE,
+        };
+        let fresnel = Fresnel::metal(f0, tint, film);
         self.add_reflection(view, weight, ggx, fresnel, params.is_multiscatter);
     }
 
@@ -178,6 +200,7 @@ impl Bsdf {
             alpha: super::alpha_of(params.roughness),
             ior: self.relative_ior(ior),
             f0: Some(f0.clamp(Vec3A::ZERO, Vec3A::ONE)),
+            film: self.seen_film(params.film, ior),
             reflection_tint: Vec3A::ONE,
             // Light passes a body through two surfaces: each takes the root of the colour.
             transmission_tint: params.base_color.clamp(Vec3A::ZERO, Vec3A::ONE).powf(0.5),
@@ -198,11 +221,12 @@ impl Bsdf {
             let adjusted = ior_from_f0(f0);
             ior = if ior < 1.0 { 1.0 / adjusted } else { adjusted };
         }
-        if ior == 1.0 {
+        if ior == 1.0 && params.film.is_none() {
             return weight;
         }
         let f0 = (f0 * params.specular_tint).clamp(Vec3A::ZERO, Vec3A::ONE);
-        let fresnel = Fresnel::new(Curve::Dielectric { ior }, f0, Vec3A::ONE);
+        // Seen from within, too, Cycles takes this layer for one that is entered.
+        let fresnel = Fresnel::dielectric(ior, f0, params.film);
         let (view, ggx) = self.grain(params);
         let albedo = self.add_reflection(view, weight, ggx, fresnel, params.is_multiscatter);
         below(weight, albedo)
@@ -210,16 +234,28 @@ impl Bsdf {
 
     /// The basis and the microfacets of metal and dielectric.
     fn grain(&mut self, params: &Principled) -> (u8, Ggx) {
-        let normal = self.reflecting_normal(params.normal);
-        let alpha = super::alpha_of(params.roughness);
-        let anisotropic = params.anisotropic.clamp(0.0, 1.0);
+        let (view, [along, across]) = self.brushed(&Brushed {
+            normal: params.normal,
+            roughness: params.roughness,
+            anisotropic: params.anisotropic,
+            rotation: params.anisotropic_rotation,
+            tangent: params.tangent,
+        });
+        (view, Ggx::new(along, across))
+    }
+
+    /// The basis of a brushed surface, and the alphas along and across its grain.
+    pub(super) fn brushed(&mut self, brushed: &Brushed) -> (u8, [f32; 2]) {
+        let normal = self.reflecting_normal(brushed.normal);
+        let alpha = super::alpha_of(brushed.roughness);
+        let anisotropic = brushed.anisotropic.clamp(0.0, 1.0);
         if anisotropic == 0.0 {
-            return (self.view(normal, None), Ggx::isotropic(alpha));
+            return (self.view(normal, None), [alpha, alpha]);
         }
         let aspect = (1.0 - 0.9 * anisotropic).sqrt();
-        let tangent = rotated_about(normal, params.tangent, params.anisotropic_rotation);
-        let ggx = Ggx::new((alpha / aspect).min(1.0), alpha * aspect);
-        (self.view(normal, Some(tangent)), ggx)
+        let tangent = rotated_about(normal, brushed.tangent, brushed.rotation);
+        let alphas = [(alpha / aspect).min(1.0), alpha * aspect];
+        (self.view(normal, Some(tangent)), alphas)
     }
 }
 

@@ -12,6 +12,8 @@ fn seen_under(cos: f32) -> Bsdf {
 const ONE: Vec3A = Vec3A::ONE;
 const UP: Vec3A = Vec3A::Z;
 const NO_GRAIN: (f32, Vec3A) = (0.0, Vec3A::ZERO);
+const NO_FILM: ThinFilm = ThinFilm::NONE;
+const FILM: ThinFilm = ThinFilm::new(400.0, 1.8);
 
 fn principled(base_color: Vec3A, metallic: f32, roughness: f32) -> Principled {
     Principled {
@@ -96,6 +98,68 @@ fn albedo_is_what_a_furnace_measures() {
             }
         }
     }
+}
+
+/// Smooth ones: the albedo of a film is taken as a mirror's.
+#[test]
+fn albedo_below_a_film_is_what_a_furnace_measures() {
+    for cos in COSINES {
+        for (metallic, transmission) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.3, 0.3)] {
+            let params = Principled {
+                transmission,
+                film: FILM,
+                ..principled(Vec3A::new(0.8, 0.3, 0.05), metallic, 0.05)
+            };
+            let mut bsdf = seen_under(cos);
+            bsdf.add_principled(ONE, &params);
+            let (mean, sigma) = furnace(&bsdf);
+            let error = (mean - bsdf.albedo()).abs().max_element();
+            let bare = {
+                let mut bsdf = seen_under(cos);
+                let film = NO_FILM;
+                bsdf.add_principled(ONE, &Principled { film, ..params });
+                bsdf.albedo()
+            };
+            let seen = format!("{cos} {metallic} {transmission}: {mean} {}", bsdf.albedo());
+            assert!(error < 0.01 + 5.0 * sigma, "{seen}");
+            assert!((bare - bsdf.albedo()).abs().max_element() > 0.005, "{seen}");
+        }
+    }
+}
+
+#[test]
+fn filmed_white_glass_loses_nothing() {
+    for (cos, is_front) in COSINES.into_iter().flat_map(|c| [(c, true), (c, false)]) {
+        let mut bsdf = Bsdf::new(UP, seen_under(cos).wo, is_front);
+        bsdf.add_glass(ONE, ONE, UP, 0.05, (1.45, FILM), MultiGgx);
+        let (mean, sigma) = furnace(&bsdf);
+        let error = (mean - ONE).abs().max_element();
+        assert!(error < 0.01 + 5.0 * sigma, "{cos} {is_front}: {mean}");
+    }
+}
+
+#[test]
+fn metal_has_no_film_before_blender_5() {
+    let bare = principled(Vec3A::new(0.8, 0.3, 0.05), 1.0, 0.3);
+    let film = FILM;
+    let filmed = Principled { film, ..bare };
+    let old = Principled {
+        has_filmed_metal: false,
+        ..filmed
+    };
+    let albedo = |params: &Principled| {
+        let mut bsdf = seen_under(0.7);
+        bsdf.add_principled(ONE, params);
+        bsdf.albedo()
+    };
+    assert_eq!(albedo(&old), albedo(&bare));
+    assert_ne!(albedo(&filmed), albedo(&bare));
+}
+
+/// A film takes the place that was free: hits move lobes about.
+#[test]
+fn films_do_not_make_lobes_larger() {
+    assert!(size_of::<Interface>() <= size_of::<Reflection>());
 }
 
 #[test]
@@ -334,7 +398,7 @@ fn extreme_parameters_stay_finite() {
 const BECKMANN: Distribution = Distribution::Beckmann;
 
 /// Every closure that is not Lambert alone, seen under a cosine from outside or inside.
-fn each_closure(cos: f32, roughness: f32, is_front: bool) -> [(&'static str, Bsdf); 12] {
+fn each_closure(cos: f32, roughness: f32, is_front: bool) -> [(&'static str, Bsdf); 14] {
     let grain = Vec3A::new(1.0, 0.4, 0.0);
     let made = |name, add: &dyn Fn(&mut Bsdf)| {
         let mut bsdf = Bsdf::new(UP, seen_under(cos).wo, is_front);
@@ -365,7 +429,21 @@ fn each_closure(cos: f32, roughness: f32, is_front: bool) -> [(&'static str, Bsd
             b.add_refraction(ONE, UP, roughness, 1.45, Ggx)
         }),
         made("glass", &|b| {
-            b.add_glass(ONE, ONE, UP, roughness, 1.45, MultiGgx)
+            b.add_glass(ONE, ONE, UP, roughness, (1.45, NO_FILM), MultiGgx)
+        }),
+        made("filmed glass", &|b| {
+            b.add_glass(ONE, ONE, UP, roughness, (1.45, FILM), MultiGgx)
+        }),
+        made("filmed conductor", &|b| {
+            let metal = Fresnel::conductor(0.5 * ONE, 3.0 * ONE, FILM);
+            let brushed = Brushed {
+                normal: UP,
+                roughness,
+                anisotropic: 0.5,
+                rotation: 0.1,
+                tangent: grain,
+            };
+            b.add_metallic(ONE, metal, &brushed, MultiGgx)
         }),
         made("all layers", &|b| {
             let params = Principled {
@@ -404,7 +482,7 @@ fn every_closure_follows_its_pdf() {
         for is_front in [true, false] {
             for (name, bsdf) in each_closure(cos, roughness, is_front) {
                 let ior = match name {
-                    "refraction" | "glass" => Some(1.45f32),
+                    "refraction" | "glass" | "filmed glass" => Some(1.45f32),
                     "all layers" => Some(1.5),
                     _ => None,
                 };
@@ -430,7 +508,7 @@ fn beckmann_refraction_follows_its_pdf() {
         for reflects in [false, true] {
             let mut bsdf = seen_under(cos);
             match reflects {
-                true => bsdf.add_glass(ONE, ONE, UP, roughness, 1.45, BECKMANN),
+                true => bsdf.add_glass(ONE, ONE, UP, roughness, (1.45, NO_FILM), BECKMANN),
                 false => bsdf.add_refraction(ONE, UP, roughness, 1.45, BECKMANN),
             }
             let wo = seen_under(cos).wo;
@@ -469,7 +547,7 @@ fn white_glass_in_a_white_furnace_is_invisible() {
         for (cos, is_front) in COSINES.into_iter().flat_map(|c| [(c, true), (c, false)]) {
             for ior in [1.1f32, 1.45, 2.2] {
                 let mut glass = Bsdf::new(UP, seen_under(cos).wo, is_front);
-                glass.add_glass(ONE, ONE, UP, roughness, ior, MultiGgx);
+                glass.add_glass(ONE, ONE, UP, roughness, (ior, NO_FILM), MultiGgx);
                 let mut principled_glass = Bsdf::new(UP, seen_under(cos).wo, is_front);
                 let params = Principled {
                     transmission: 1.0,
@@ -592,7 +670,7 @@ fn refraction_is_reciprocal_up_to_the_square_of_the_index() {
         }
         let f = |normal: Vec3A, wo: Vec3A, wi: Vec3A, is_front: bool| {
             let mut bsdf = Bsdf::new(normal, wo, is_front);
-            bsdf.add_glass(ONE, ONE, normal, 0.6, ior, Ggx);
+            bsdf.add_glass(ONE, ONE, normal, 0.6, (ior, NO_FILM), Ggx);
             bsdf.eval(wi).0.transmission.x / wi.z.abs()
         };
         let there = f(UP, above, below, true) / (ior * ior);
@@ -613,7 +691,7 @@ fn refraction_is_reciprocal_up_to_the_square_of_the_index() {
 #[test]
 fn beyond_the_critical_angle_glass_is_a_mirror() {
     let mut bsdf = Bsdf::new(UP, seen_under(0.5).wo, false);
-    bsdf.add_glass(ONE, ONE, UP, 0.0, 1.5, MultiGgx);
+    bsdf.add_glass(ONE, ONE, UP, 0.0, (1.5, NO_FILM), MultiGgx);
     bsdf.add_refraction(ONE, UP, 0.0, 1.5, Ggx);
     let mut random = Random::new(12);
     for _ in 0..200 {
@@ -627,7 +705,7 @@ fn beyond_the_critical_angle_glass_is_a_mirror() {
 #[test]
 fn rough_glass_lets_light_through_beyond_the_critical_angle() {
     let mut bsdf = Bsdf::new(UP, seen_under(0.4).wo, false);
-    bsdf.add_glass(ONE, ONE, UP, 0.8, 1.45, MultiGgx);
+    bsdf.add_glass(ONE, ONE, UP, 0.8, (1.45, NO_FILM), MultiGgx);
     let mut random = Random::new(13);
     let samples = (0..200).filter_map(|_| bsdf.sample(random.next(), random.next_2d()));
     let passed = samples.filter(|sample| sample.part == Part::Transmission);
@@ -667,7 +745,7 @@ fn a_diffuse_normal_may_point_below_the_surface() {
 #[test]
 fn light_of_a_removed_part_is_gone_and_blurred_lobes_are_wide() {
     let mut bsdf = seen_under(0.8);
-    bsdf.add_glass(ONE, ONE, UP, 0.0, 1.5, MultiGgx);
+    bsdf.add_glass(ONE, ONE, UP, 0.0, (1.5, NO_FILM), MultiGgx);
     bsdf.add_diffuse(0.5 * ONE, ONE, UP, 0.0);
     bsdf.blur(0.5);
     let wi = Vec3A::new(-0.3, 0.1, -0.9).normalize();
@@ -809,8 +887,8 @@ fn add_other(bsdf: &mut Bsdf, name: &str) {
         "rough diffuse" => return bsdf.add_diffuse(ONE, color, UP, 0.7),
         "translucent" => return bsdf.add_translucent(color, UP),
         "refraction" => return bsdf.add_refraction(color, UP, 0.5, 1.45, Ggx),
-        "glass 0.3" => return bsdf.add_glass(ONE, color, UP, 0.3, 1.45, MultiGgx),
-        "glass 0.8" => return bsdf.add_glass(ONE, color, UP, 0.8, 1.45, MultiGgx),
+        "glass 0.3" => return bsdf.add_glass(ONE, color, UP, 0.3, (1.45, NO_FILM), MultiGgx),
+        "glass 0.8" => return bsdf.add_glass(ONE, color, UP, 0.8, (1.45, NO_FILM), MultiGgx),
         "sheen 0.3" | "sheen 0.7" => {
             bsdf.add_sheen(color, UP, if name == "sheen 0.3" { 0.3 } else { 0.7 });
             return;

@@ -4,8 +4,8 @@
 use glam::Vec3A;
 
 use super::super::closure::{
-    Closure, Distribution, Glass, Glossy, Hair, Pigment, Principled, Streak, Subsurface,
-    SubsurfaceMethod, Toon, Volume,
+    Closure, Distribution, Glass, Glossy, Hair, Metal, Metallic, Pigment, Principled, Streak,
+    Subsurface, SubsurfaceMethod, Toon, Volume,
 };
 use super::super::operation::Args;
 
@@ -57,6 +57,7 @@ pub fn principled(a: &Args) -> Closure {
         subsurface_ior: float(a, 26),
         subsurface_anisotropy: float(a, 27),
         subsurface_method: subsurface_method(a, 1),
+        has_filmed_metal: !a.is_on(2),
         is_multiscatter: a.is_on(0),
     })
 }
@@ -91,6 +92,31 @@ pub fn glossy(a: &Args) -> Closure {
     })
 }
 
+pub fn metallic(a: &Args) -> Closure {
+    let metal = match a.mode(1) {
+        0 => Metal::Conductor {
+            index: vector(a, 3).max(Vec3A::ZERO),
+            extinction: vector(a, 4).max(Vec3A::ZERO),
+        },
+        _ => Metal::Colors {
+            base: vector(a, 1).clamp(Vec3A::ZERO, Vec3A::ONE),
+            edge_tint: vector(a, 2).clamp(Vec3A::ZERO, Vec3A::ONE),
+        },
+    };
+    Closure::Metallic(Metallic {
+        weight: weight(a),
+        metal,
+        roughness: float(a, 5),
+        anisotropy: float(a, 6),
+        rotation: float(a, 7),
+        normal: vector(a, 8),
+        tangent: vector(a, 9),
+        thin_film_thickness: float(a, 10),
+        thin_film_ior: float(a, 11),
+        distribution: distribution(a),
+    })
+}
+
 fn interface(a: &Args) -> Glass {
     Glass {
         weight: weight(a),
@@ -98,12 +124,18 @@ fn interface(a: &Args) -> Glass {
         roughness: float(a, 2),
         ior: float(a, 3),
         normal: vector(a, 4),
+        thin_film_thickness: 0.0,
+        thin_film_ior: 1.0,
         distribution: distribution(a),
     }
 }
 
 pub fn glass(a: &Args) -> Closure {
-    Closure::Glass(interface(a))
+    Closure::Glass(Glass {
+        thin_film_thickness: float(a, 5),
+        thin_film_ior: float(a, 6),
+        ..interface(a)
+    })
 }
 
 pub fn refraction(a: &Args) -> Closure {
