@@ -125,6 +125,7 @@ impl Fresnel {
     }
 
     /// Reflectance under a cosine in [0, 1].
+    #[inline]
     pub fn at(&self, cos: f32) -> Vec3A {
         match self {
             Self::Curved(curved) => curved.at(cos),
@@ -212,6 +213,7 @@ impl Curved {
     }
 
     /// Reflectance under a cosine in [0, 1].
+    #[inline]
     pub fn at(&self, cos: f32) -> Vec3A {
         let s = self.curve.at(cos);
         let reflectance = mix(self.f0, self.f90, s);
