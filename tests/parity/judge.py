@@ -193,9 +193,10 @@ def outcome(row: Row, expected: Reference, with_dual_cone: bool = True) -> Outco
 
 
 def prepared(row: Row) -> Any:
-    """Build the row's scene."""
+    """Build the row's scene, without the limits of light that both engines take from Cycles' settings."""
     stage = Stage()
     row.build(stage, **row.values)
+    without_bias(stage.scene, row.samples, 0)
     render = stage.scene.render
     render.resolution_x = render.resolution_y = SIDE
     render.resolution_percentage = 100

@@ -353,8 +353,8 @@ def textured_diffuse(tree: Any) -> Any:
 
 
 def contract_table(name: str) -> dict[str, tuple[str, int]]:
-    """Rows of a table of src/contract.rs: name -> (dtype, number of axes)."""
-    text = (ROOT / "src" / "contract.rs").read_text()
+    """Rows of a table of src/contract/arrays.rs: name -> (dtype, number of axes)."""
+    text = (ROOT / "src" / "contract" / "arrays.rs").read_text()
     table = re.search(rf"pub const {name}: &\[ArraySpec\] = &\[(.*?)\n?\];", text, re.S)
     assert table is not None
     rows = re.findall(r'array\(\s*"(\w+)",\s*(\w+),\s*&\[(.*?)\]', table[1], re.S)
