@@ -91,7 +91,7 @@ fn glow_of(share: Vec3A, medium: &Medium, length: f32) -> Vec3A {
 }
 
 impl Media {
-    /// What fills the frame's world and bodies; `bounds` is the box around all things.
+    /// What fills the frame's world and bodies; `bounds` is the box around all things, if there are any.
     pub fn of(frame: &SceneFrame, bounds: Option<(Vec3A, Vec3A)>) -> Self {
         let mut media = Self::default();
         for (index, body) in (0u32..).zip(&frame.instances) {
@@ -101,24 +101,24 @@ impl Media {
                 media.bodies.push((index, filler));
             }
         }
-        // Without anything to see, nobody would see the fog.
-        if let (Some(filling), Some(bounds)) = (&frame.medium, bounds) {
+        if let Some(filling) = &frame.medium {
             media.everywhere = media.world(frame, filling, bounds);
         }
         media
     }
 
-    /// What fills the world around things within this box; `None` for nothing.
+    /// What fills the world around things within this box, if there are any; `None` for nothing.
     fn world(
         &mut self,
         frame: &SceneFrame,
         filling: &Filling,
-        (lower, upper): (Vec3A, Vec3A),
+        bounds: Option<(Vec3A, Vec3A)>,
     ) -> Option<Filler> {
         match filling {
             Filling::Even(medium) => Some(Filler::Even(*medium)),
             Filling::Uneven(program) if program.differs_in(|key| key == GENERATED) => {
                 let eye = frame.camera.camera_from_world().inverse().translation;
+                let (lower, upper) = bounds.unwrap_or((eye - 1.0, eye + 1.0));
                 let bounds = [lower.min(eye), upper.max(eye)];
                 let uneven = Uneven::of_world(frame, bounds, program);
                 Some(self.kept(uneven))
@@ -162,16 +162,17 @@ impl Media {
         self.everywhere.is_none() && self.bodies.is_empty()
     }
 
-    /// What lies along a ray with a unit direction, up to its end.
+    /// What lies along a ray with a unit direction, from its start to its end: as in Cycles cameras see
+    /// nothing before their clipping plane, media included.
     pub fn along(&self, frame: &SceneFrame, accel: &Accel, ray: &Ray) -> Flight {
         let mut events: Vec<(f32, f32, Filler)> = Vec::new();
         if let Some(filler) = self.everywhere {
-            events.push((0.0, ray.t_max, filler));
+            events.push((ray.t_min, ray.t_max, filler));
         }
         for (instance, filler) in &self.bodies {
             let mut crossings = accel.crossings(frame, ray, *instance);
             if crossings.len() % 2 == 1 {
-                crossings.insert(0, 0.0);
+                crossings.insert(0, ray.t_min);
             }
             for pair in crossings.chunks_exact(2) {
                 events.push((pair[0], pair[1].min(ray.t_max), *filler));
@@ -370,8 +371,12 @@ mod tests {
         let frame = scene.frame(1);
         let accel = Accel::build(&frame, None);
         let media = Media::of(&frame, accel.bounds());
-        for (start, way) in [(-5.0f32, 2.0f32), (0.25, 0.75)] {
-            let ray = Ray::new(start * Vec3A::Y, Vec3A::Y);
+        // From outside, from within, and from a plane within, before which nothing counts.
+        for (start, t_min, way) in [(-5.0f32, 0.0, 2.0f32), (0.25, 0.0, 0.75), (-5.0, 4.5, 1.5)] {
+            let ray = Ray {
+                t_min,
+                ..Ray::new(start * Vec3A::Y, Vec3A::Y)
+            };
             let flight = media.along(&frame, &accel, &ray);
             let off = flight.transmittance(f32::INFINITY) - (-0.5 * way).exp();
             assert!(off.abs().max_element() < 1e-5, "{start}: {off}");

@@ -5,11 +5,11 @@ use std::f32::consts::TAU;
 use glam::{Quat, Vec2, Vec3A};
 
 use crate::accel::Hit;
-use crate::math::{Ray, offset_origin};
+use crate::math::{Ray, facing, offset_origin};
 use crate::media::Collision;
 use crate::optics::ThinFilm;
 use crate::optics::fresnel::Fresnel;
-use crate::sampling::{Brushed, Bsdf, Guides, Principled, alpha_of};
+use crate::sampling::{Brushed, Bsdf, Guides, LightSample, Principled, alpha_of};
 use crate::scene::{Facet, Material, Membership, SceneFrame};
 use crate::shader::{
     self, Closure, Glass, Glossy, Metal, Metallic, Point, RayInfo, RayKind, Strand,
@@ -61,6 +61,9 @@ const CLEARANCE: f32 = 8.0 * f32::EPSILON;
 impl Surface {
     /// A ray from the surface that does not meet it again at once.
     pub fn ray_towards(&self, direction: Vec3A) -> Ray {
+        if self.is_medium {
+            return Ray::new(self.position, direction).at_time(self.time);
+        }
         if let Some(strand) = &self.strand {
             let t_min = strand.way_out(direction) + self.clearance;
             let ray = Ray::new(self.position, direction).at_time(self.time);
@@ -71,33 +74,42 @@ impl Surface {
         Ray::new(origin, direction).at_time(self.time)
     }
 
-    /// A ray to a light that lies `distance` [m] away in a direction. It starts on the smooth form of the
-    /// surface, more so the lower the light stands, as in Cycles.
-    pub fn ray_to_light(&self, frame: &SceneFrame, direction: Vec3A, distance: f32) -> Ray {
-        let off = self.ray_towards(direction);
+    /// A ray to a light. It starts on the smooth form of the surface, more so the lower the light stands,
+    /// as in Cycles, and ends where the light is seen from there.
+    pub fn ray_to_light(&self, frame: &SceneFrame, light: &LightSample) -> Ray {
+        let off = self.ray_towards(light.direction);
+        let origin = self.lifted_origin(frame, light.direction);
+        let origin = origin.unwrap_or(off.origin);
+        if light.distance.is_infinite() {
+            return Ray { origin, ..off };
+        }
+        let end = light.end;
+        let end = end.unwrap_or_else(|| self.position + light.distance * light.direction);
+        let t_max = (end - origin).length();
+        let direction = (end - origin) / t_max;
+        Ray {
+            t_min: off.t_min,
+            t_max,
+            ..Ray::new(origin, direction).at_time(self.time)
+        }
+    }
+
+    /// Where rays to a light in this direction start, if not from the triangle.
+    fn lifted_origin(&self, frame: &SceneFrame, direction: Vec3A) -> Option<Vec3A> {
         let side = match self.normal.dot(direction) < 0.0 {
             true => -1.0,
             false => 1.0,
         };
         let amount = self.lift_amount(frame, side * direction);
         if amount <= 0.0 {
-            return Ray {
-                t_max: distance,
-                ..off
-            };
+            return None;
         }
         let facet = Facet::new(frame, self.hit.instance, self.hit.triangle, self.time);
         let side = side * self.geometric_normal;
         let lift = amount * facet.lift(Vec2::new(self.hit.u, self.hit.v), side);
         // Above the triangle, also where the light is below it: it may pass by its edge.
-        let origin = offset_origin(self.position + self.clearance * side + lift, side);
-        if distance.is_infinite() {
-            return Ray { origin, ..off };
-        }
-        let way = self.position + distance * direction - origin;
-        let t_max = way.length();
-        let ray = Ray::new(origin, way / t_max).at_time(self.time);
-        Ray { t_max, ..ray }
+        let foot = self.position + self.clearance * side + lift;
+        Some(offset_origin(foot, side))
     }
 
     /// How much of the way to the smooth form, for light on this side of it: all of it at the horizon,
@@ -190,15 +202,6 @@ impl Surface {
 
 /// Reflectance of a surface without a material: Blender's default grey.
 const DEFAULT_COLOR: Vec3A = Vec3A::splat(0.8);
-
-/// `normal`, turned to the side of `direction`.
-fn facing(normal: Vec3A, direction: Vec3A) -> Vec3A {
-    if normal.dot(direction) < 0.0 {
-        -normal
-    } else {
-        normal
-    }
-}
 
 /// [`Surface::clearance`] of a point.
 fn clearance_of(point: &Point) -> f32 {

@@ -10,8 +10,8 @@ use crate::film::Region;
 use crate::progress::Progress;
 use crate::render::{Job, Rendered, render};
 use crate::scene::{
-    Camera, ForPasses, Image, Instance, Lens, Light, Links, Lookup, Material, Membership, Mesh,
-    Placement, Projection, Reach, SceneFrame, Shutter, Visibility, World,
+    Camera, Filling, ForPasses, Image, Instance, Lens, Light, Links, Lookup, Material, Membership,
+    Mesh, Placement, Projection, Reach, SceneFrame, Shutter, Visibility, World,
 };
 use crate::shader::ObjectInfo;
 
@@ -28,6 +28,8 @@ pub(crate) struct Scene {
     materials: Vec<Material>,
     pub(crate) lights: Vec<Light>,
     pub(crate) world: World,
+    /// What fills the world.
+    pub(crate) medium: Option<Filling>,
     pub(crate) camera: Camera,
     pub(crate) shutter: Shutter,
 }
@@ -41,6 +43,7 @@ impl Scene {
             materials: Vec::new(),
             lights: Vec::new(),
             world: plain_world(1.0),
+            medium: None,
             camera: camera(Vec3::ZERO, Vec3::Y, 0.7),
             shutter: Shutter::default(),
         }
@@ -79,7 +82,7 @@ impl Scene {
             camera: self.camera,
             shutter: self.shutter.clone(),
             world: self.world.clone(),
-            medium: None,
+            medium: self.medium.clone(),
             passes: ForPasses::default(),
         })
     }

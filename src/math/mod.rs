@@ -18,7 +18,7 @@ pub use filter::PixelFilter;
 pub use frame::Frame;
 pub use ggx::Ggx;
 pub use mirror::reflecting_normal;
-pub use ray::{MIDDLE_TIME, Ray, offset_origin};
+pub use ray::{MIDDLE_TIME, Ray, facing, offset_origin};
 
 /// Rec. 709 luminance of a scene-linear colour.
 pub fn luminance(color: Vec3A) -> f32 {

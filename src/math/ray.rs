@@ -48,6 +48,15 @@ impl Ray {
     }
 }
 
+/// `normal`, turned to the side of `direction`.
+pub fn facing(normal: Vec3A, direction: Vec3A) -> Vec3A {
+    if normal.dot(direction) < 0.0 {
+        -normal
+    } else {
+        normal
+    }
+}
+
 /// `point`, moved off its surface along `normal` by a few units in the last place, so that a ray
 /// from it does not meet the surface again at any scale.
 ///

@@ -40,7 +40,7 @@ impl Tracer<'_> {
         if !light.reach.visibility.includes(RayKind::Shadow) {
             return Vec3A::ONE;
         }
-        let mut ray = surface.ray_to_light(self.frame, light.direction, light.distance);
+        let mut ray = surface.ray_to_light(self.frame, light);
         ray.t_max *= SHADOW_END;
         let from = from.behind(surface.passed);
         self.lit_share(&ray, &from, light.reach.links, sampler)

@@ -311,3 +311,89 @@ fn a_shadow_is_as_deep_as_its_sheet() {
     assert!((share - 0.3).abs() < 1e-4, "{share}");
     assert_eq!(floor_lit_through(0.3, false), 0.0);
 }
+
+/// Fog that loses nothing fills a room whose walls shine: wherever light was scattered, it began with the
+/// radiance of the walls. Light of rays and light of samples must add up wherever fog is near a wall.
+#[test]
+fn light_of_walls_is_the_same_everywhere_in_fog() {
+    let mut scene = Scene::new();
+    scene.world = plain_world(0.0);
+    scene.medium = Some(Filling::Even(Medium {
+        scattering: Vec3A::splat(0.6),
+        absorption: Vec3A::ZERO,
+        emission: Vec3A::ZERO,
+        anisotropy: 0.3,
+    }));
+    let room = Affine3A::from_scale(Vec3::splat(4.0));
+    scene.add(cube(), room, glowing(1.0));
+    let settings = Settings {
+        max_bounces: 64,
+        volume_bounces: 64,
+        ..Settings::default()
+    };
+    let mean = seen_after(&scene, settings);
+    assert!((mean - 1.0).abs() < 1e-3, "{mean}");
+}
+
+/// A floor close below a panel that shines, and both a kilometre from the origin, where floats are
+/// coarse: rays from the one must not end on the panel itself.
+#[test]
+fn panels_light_what_is_near_them_anywhere() {
+    let seen_at = |place: Vec3| {
+        let mut scene = Scene::new();
+        scene.world = plain_world(0.0);
+        let tilt = Affine3A::from_translation(place) * Affine3A::from_rotation_x(0.7);
+        let at = |height| tilt * Affine3A::from_translation(Vec3::new(0.0, 0.0, height));
+        let eye = tilt.transform_point3(Vec3::new(0.0, -3.0, 0.4));
+        scene.camera = camera(eye, place, 0.1);
+        let floor = at(0.0) * Affine3A::from_scale(Vec3::splat(0.5));
+        scene.add(square(), floor, diffuse(0.5));
+        scene.add(square(), at(0.5), glowing(1.0));
+        seen(&scene)
+    };
+    let near = seen_at(Vec3::ZERO);
+    let far = seen_at(Vec3::new(300.0, -500.0, 1000.0));
+    // Rays begin and end up to 1.5 cm off their surfaces there.
+    assert!((far / near - 1.0).abs() < 0.03, "{far} {near}");
+}
+
+/// A lamp in fog and nothing else: the fog shows it.
+#[test]
+fn fog_is_seen_where_there_is_nothing_else() {
+    let mut scene = Scene::new();
+    scene.world = plain_world(0.0);
+    let (scattering, distance, power) = (0.1, 5.0, 40.0);
+    scene.medium = Some(Filling::Even(Medium {
+        scattering: Vec3A::splat(scattering),
+        absorption: Vec3A::ZERO,
+        emission: Vec3A::ZERO,
+        anisotropy: 0.0,
+    }));
+    scene.camera = camera(Vec3::ZERO, Vec3::Y, 0.02);
+    scene.lights.push(Light {
+        kind: LightKind::Point {
+            radius: 0.0,
+            soft_falloff: false,
+        },
+        key: 1,
+        world_from_light: Affine3A::from_translation(Vec3::new(1.0, distance, 0.0)),
+        power: Vec3A::splat(power),
+        scale: Vec3A::ONE,
+        material: None,
+        reach: Reach::ALL,
+    });
+    let settings = Settings {
+        volume_bounces: 0,
+        ..Settings::default()
+    };
+    // Radiant intensity over the squared distance, scattered evenly, along the ray.
+    let steps = (0..200_000).map(|i| (f64::from(i) + 0.5) * 1e-3);
+    let light = steps.map(|t| {
+        let squared = (t - f64::from(distance)).powi(2) + 1.0;
+        (-f64::from(scattering) * (t + squared.sqrt())).exp() / squared * 1e-3
+    });
+    let scale = f64::from(scattering * power) / (4.0 * std::f64::consts::PI).powi(2);
+    let expected = scale * light.sum::<f64>();
+    let mean = seen_after(&scene, settings);
+    assert!((mean / expected - 1.0).abs() < 0.05, "{mean} {expected}");
+}

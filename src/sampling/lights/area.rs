@@ -208,6 +208,7 @@ impl Emitter for Area {
         (direction.dot(self.normal) < 0.0).then(|| LightSample {
             direction,
             distance,
+            end: None,
             radiance: Some(self.radiance(direction)),
             pdf_solid_angle: self.pdf(receiver.point, direction, distance),
             is_delta: false,

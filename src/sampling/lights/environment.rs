@@ -389,6 +389,7 @@ fn distant(direction: Vec3A, pdf: f32, class: LightClass) -> Option<LightSample>
     (pdf > 0.0 && pdf.is_finite()).then_some(LightSample {
         direction,
         distance: f32::INFINITY,
+        end: None,
         radiance: None,
         pdf_solid_angle: pdf,
         is_delta: false,

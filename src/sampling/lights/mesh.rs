@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3A};
 use super::tree::{Extent, NormalCone};
 use super::{Emitter, LightClass, LightSample, Receiver};
 use crate::math::warp::sample_triangle;
-use crate::math::{MIDDLE_TIME, luminance};
+use crate::math::{MIDDLE_TIME, facing, luminance, offset_origin};
 use crate::sampling::discrete::Discrete;
 use crate::scene::{self, Camera, Image, Instance, Material, Mesh, Reach, SceneFrame};
 use crate::shader::{Closure, Point, Program, RayInfo};
@@ -59,6 +59,10 @@ impl Facet {
     fn area_normal(&self) -> Vec3A {
         let [a, b, c] = self.corners;
         0.5 * (b - a).cross(c - a)
+    }
+
+    fn normal(&self) -> Vec3A {
+        self.area_normal().normalize_or_zero()
     }
 }
 
@@ -293,13 +297,15 @@ impl Emitter for MeshLight {
         let b = sample_triangle(u);
         let weights = [1.0 - b.x - b.y, b.x, b.y];
         let mix = |k: usize| weights[k] * facet.corners[k];
-        let offset = mix(0) + mix(1) + mix(2) - receiver.point;
+        let point = mix(0) + mix(1) + mix(2);
+        let offset = point - receiver.point;
         let distance = offset.length();
         let radiance = self.radiance(&facet, Vec2::new(b.x, b.y), receiver.time, offset);
         let pdf_solid_angle = self.pdf_of_facet(index, &facet, offset);
         (pdf_solid_angle > 0.0 && distance > 0.0).then(|| LightSample {
             direction: offset / distance,
             distance,
+            end: Some(offset_origin(point, facing(facet.normal(), -offset))),
             radiance: Some(radiance),
             pdf_solid_angle,
             is_delta: false,

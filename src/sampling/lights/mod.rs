@@ -81,6 +81,9 @@ pub struct LightSample {
     pub direction: Vec3A,
     /// Distance to the light [m], infinite for a distant one.
     pub distance: f32,
+    /// Where a ray that looks for the light ends, off the surface that shines; `None` where direction and
+    /// distance say it.
+    pub end: Option<Vec3A>,
     /// Radiance that arrives unless something is in between; for a light without extent, the
     /// irradiance on a facing plane, so that `f cos radiance / pdf_solid_angle` holds for both.
     /// `None` for the surroundings: [`LightSampler::radiance`] looks their image up once a shadow

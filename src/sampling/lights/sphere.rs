@@ -245,6 +245,7 @@ impl Emitter for Sphere {
         (useful && pdf_solid_angle > 0.0).then_some(LightSample {
             direction,
             distance,
+            end: None,
             radiance: Some(radiance),
             pdf_solid_angle,
             is_delta,

@@ -59,6 +59,7 @@ impl Emitter for Sun {
         Some(LightSample {
             direction,
             distance: f32::INFINITY,
+            end: None,
             radiance: Some(radiance),
             pdf_solid_angle,
             is_delta: self.one_minus_cos.is_none(),
