@@ -6,6 +6,7 @@
 //! by the balance heuristic, as in the walks of [`crate::subsurface`]. Flights through media that differ
 //! from place to place are in [`track`].
 
+mod in_scattering;
 mod majorant;
 mod track;
 mod uneven;
@@ -250,6 +251,11 @@ impl Flight {
     /// Whether all of its media are.
     fn is_even(&self) -> bool {
         self.spans.iter().all(|span| span.uneven.is_empty())
+    }
+
+    /// Whether light samples look for light all along the ray: then where it is scattered they do not.
+    pub fn is_lit_on_the_way(&self) -> bool {
+        !self.spans.is_empty() && self.is_even()
     }
 
     /// Light that the media gave off.

@@ -187,6 +187,11 @@ pub fn wants_scattered(layout: &Layout) -> bool {
     layout.stride() > 0 && rows.into_iter().any(|row| layout.keeps(*row))
 }
 
+/// Adds light that media scattered straight from its source to the camera, before the ray's end.
+pub fn add_in_scattered(extra: &mut Extra, iteration: u32, light: Vec3A) {
+    extra.add(MEDIUM[0], iteration, &light.to_array());
+}
+
 /// Adds light that a surface sent to the camera.
 pub fn add_scattered(extra: &mut Extra, iteration: u32, light: &Divided) {
     if light.is_of_medium {

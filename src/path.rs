@@ -26,6 +26,7 @@ mod bounces;
 mod direct;
 mod found;
 mod groups;
+mod in_scattering;
 mod light;
 mod passed;
 mod shadow;
@@ -276,6 +277,9 @@ impl<'a> Tracer<'a> {
             ..Gathered::default()
         };
         gathered.lamps = clamped(passed.glow + self.lamps(from, distance, &passed));
+        if !last {
+            gathered.indirect = self.in_scattered(ray, &passed, &bounces, from.throughput, sampler);
+        }
         let Some(surface) = surface else {
             self.add_environment(from, passed.share(distance), clamped, &mut gathered);
             return gathered;
@@ -285,7 +289,7 @@ impl<'a> Tracer<'a> {
         if !last {
             let reflected = self.reflected(&surface, bounces, from.throughput, sampler);
             let below = self.from_below(&surface, bounces, from.throughput, sampler);
-            gathered.indirect = reflected.sum() + below.map_or(Vec3A::ZERO, |below| below.sum());
+            gathered.indirect += reflected.sum() + below.map_or(Vec3A::ZERO, |below| below.sum());
         }
         gathered
     }

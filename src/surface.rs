@@ -41,6 +41,8 @@ pub struct Surface {
     pub holdout: f32,
     /// Whether it is a point of a medium, and no surface at all.
     pub is_medium: bool,
+    /// Whether light samples are taken elsewhere, all along the ray.
+    pub is_lit_apart: bool,
     /// Distance along the ray.
     pub distance: f32,
     /// See-through surfaces that the path passed before it.
@@ -242,6 +244,7 @@ fn bare(frame: &SceneFrame, hit: &Hit, point: &Point, time: f32) -> Surface {
         membership: frame.instances[hit.instance as usize].membership,
         holdout: 0.0,
         is_medium: false,
+        is_lit_apart: false,
         distance: hit.t,
         passed: 0,
         time,
@@ -431,6 +434,7 @@ pub fn in_medium(ray: &Ray, collision: &Collision) -> Surface {
         membership: Membership::ALL,
         holdout: 0.0,
         is_medium: true,
+        is_lit_apart: false,
         distance: t,
         passed: 0,
         time: ray.time,

@@ -56,7 +56,9 @@ impl Tracer<'_> {
         passed.glow = flight.glow();
         if let Some(mut collision) = collision {
             collision.weight *= passed.share(collision.t);
-            surface = Some(surface::in_medium(ray, &collision));
+            let mut point = surface::in_medium(ray, &collision);
+            point.is_lit_apart = flight.is_lit_on_the_way();
+            surface = Some(point);
         } else if let Some(surface) = &mut surface {
             surface.put_behind(flight.share(end));
         }

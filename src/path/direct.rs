@@ -40,6 +40,9 @@ impl Tracer<'_> {
         pdfs: impl Fn(&Bsdf, LobePdfs) -> LobePdfs,
         mut emit: impl FnMut(&LightSample, LobeValues),
     ) {
+        if surface.is_lit_apart {
+            return;
+        }
         let vertex = from.total;
         let sides: &[f32] = match surface.bsdf.is_transmissive() {
             true => &[1.0, -1.0],

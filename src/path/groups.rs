@@ -5,7 +5,8 @@
 
 use glam::Vec3A;
 
-use super::{Bounces, Continuation, Tracer, clamp_factor};
+use super::{Bounces, Continuation, Passed, Tracer, clamp_factor};
+use crate::math::Ray;
 use crate::sampling::{Bsdf, Sampler};
 use crate::surface::Surface;
 
@@ -21,14 +22,22 @@ struct Carried {
     throughput: f32,
 }
 
+impl Carried {
+    const ALL: Self = Self {
+        share: Vec3A::ONE,
+        throughput: 1.0,
+    };
+}
+
 impl Tracer<'_> {
     /// Notes the light that a surface sends to the camera and does not give off itself.
     pub fn note_scattered(&self, surface: &Surface, sampler: &Sampler, note: Note) {
-        let carried = Carried {
-            share: Vec3A::ONE,
-            throughput: 1.0,
-        };
-        self.note_both(surface, Bounces::default(), carried, sampler, note);
+        self.note_both(surface, Bounces::default(), Carried::ALL, sampler, note);
+    }
+
+    /// Notes the light that the media on a camera ray scatter straight from its source to the camera.
+    pub fn note_seen_in_media(&self, ray: &Ray, passed: &Passed, sampler: &Sampler, note: Note) {
+        self.note_in_scattered(ray, passed, Bounces::default(), Carried::ALL, sampler, note);
     }
 
     /// Notes what a surface reflects, and what comes from below it.
@@ -71,15 +80,37 @@ impl Tracer<'_> {
                 lit.push((light.reach.links.group, values.sum()));
             },
         );
-        let (throughput, limit) = match from.total {
-            0 => (1.0, self.settings.clamp_direct),
-            _ => (carried.throughput, self.settings.clamp_indirect),
-        };
-        note_clamped(&lit, carried.share, throughput, limit, note);
+        self.note_lit(&lit, &from, carried, note);
         if let Some(step) = self.step(surface, from, carried.throughput, sampler) {
             let weight = step.value.sum() / (step.next.pdf_solid_angle * step.survival);
             self.note_gathered(&step.next, carried.share * weight, sampler, note);
         }
+    }
+
+    /// See [`Tracer::in_scattered`].
+    fn note_in_scattered(
+        &self,
+        ray: &Ray,
+        passed: &Passed,
+        from: Bounces,
+        carried: Carried,
+        sampler: &Sampler,
+        note: Note,
+    ) {
+        let mut lit = Vec::new();
+        self.each_in_scattered(ray, passed, &from, sampler, |light, values| {
+            lit.push((light.reach.links.group, values.sum()));
+        });
+        self.note_lit(&lit, &from, carried, note);
+    }
+
+    /// Notes light of light samples.
+    fn note_lit(&self, lit: &[(u8, Vec3A)], from: &Bounces, carried: Carried, note: Note) {
+        let (throughput, limit) = match from.total {
+            0 => (1.0, self.settings.clamp_direct),
+            _ => (carried.throughput, self.settings.clamp_indirect),
+        };
+        note_clamped(lit, carried.share, throughput, limit, note);
     }
 
     /// See [`Tracer::gather`].
@@ -100,6 +131,14 @@ impl Tracer<'_> {
             met.push((links.group, light))
         });
         note_clamped(&met, share, from.throughput, limit, note);
+        let carried = Carried {
+            share,
+            throughput: from.throughput,
+        };
+        let is_last = from.bounces.at_limit(self.settings);
+        if !is_last {
+            self.note_in_scattered(&from.ray, &passed, bounces, carried, sampler, note);
+        }
         let Some(surface) = surface else {
             if !self.hides_background(&from.bounces) {
                 let radiance = self.environment(from.ray.direction, &from.bounces);
@@ -109,11 +148,7 @@ impl Tracer<'_> {
             return;
         };
         note(self.group_of(&surface), clamped(self.glow(from, &surface)));
-        if !from.bounces.at_limit(self.settings) {
-            let carried = Carried {
-                share,
-                throughput: from.throughput,
-            };
+        if !is_last {
             self.note_both(&surface, bounces, carried, sampler, note);
         }
     }

@@ -112,9 +112,13 @@ impl Passed {
 
     /// Share of the light from this distance that arrives.
     pub fn share(&self, distance: f32) -> Vec3A {
+        self.surfaces_share(distance) * self.flight.share(distance)
+    }
+
+    /// The same as if there were no media.
+    pub(super) fn surfaces_share(&self, distance: f32) -> Vec3A {
         let nearer = self.surfaces.iter().filter(|c| c.hit.t < distance);
-        let passed: Vec3A = nearer.map(|c| c.share).product();
-        passed * self.flight.share(distance)
+        nearer.map(|c| c.share).product()
     }
 }
 

@@ -75,6 +75,8 @@ pub struct Sight {
     emission: Vec3A,
     /// Radiance of the background.
     environment: Vec3A,
+    /// Light that media on the ray's way scatter straight from its source.
+    in_scattered: Vec3A,
     /// What comes from below the surface.
     below: Option<Reflected>,
     /// What is found on a shadow catcher.
@@ -88,6 +90,7 @@ impl Sight {
         share: 1.0,
         emission: Vec3A::ZERO,
         environment: Vec3A::ZERO,
+        in_scattered: Vec3A::ZERO,
         below: None,
         caught: None,
     };
@@ -95,7 +98,7 @@ impl Sight {
     /// All of its radiance: the pixel's own whatever it shares.
     fn radiance(&self) -> Vec3A {
         let below = self.below.as_ref().map_or(Vec3A::ZERO, Reflected::sum);
-        self.emission + self.environment + below
+        self.emission + self.environment + self.in_scattered + below
     }
 
     /// Adds what comes from below the surface to what passes keep.
@@ -237,6 +240,7 @@ impl View<'_> {
             share: share.element_sum() / 3.0,
             emission: self.limited(glow) + self.limited(lamps) + self.limited(passed.glow),
             environment: self.limited(environment),
+            in_scattered: tracer.in_scattered(ray, passed, &Bounces::default(), 1.0, &shot.sampler),
             below: surface.and_then(|surface| {
                 tracer.from_below(surface, Bounces::default(), 1.0, &shot.sampler)
             }),
@@ -314,6 +318,9 @@ impl View<'_> {
             passes::add_mattes(extra, &seen);
             passes::add_outputs(extra, iteration, &seen);
             passes::add_seen_light(extra, iteration, sight.emission, sight.environment);
+            if passes::wants_scattered(extra.layout) {
+                passes::add_in_scattered(extra, iteration, sight.in_scattered);
+            }
             if passes::wants_groups(extra.layout) {
                 self.add_groups(extra, iteration, shot, sight.environment);
             }
@@ -342,6 +349,7 @@ impl View<'_> {
                 let light = shot.passed.share(lamp.t) * lamp.radiance;
                 note(lamp.links.group, self.limited(light));
             }
+            tracer.note_seen_in_media(ray, &shot.passed, &shot.sampler, &mut note);
         }
         if let Some(surface) = &shot.surface {
             note(tracer.group_of(surface), self.limited(surface.emission));

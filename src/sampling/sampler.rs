@@ -169,6 +169,12 @@ impl Sampler {
         [channel, u]
     }
 
+    /// Two numbers that choose where on that ray light is looked for.
+    pub fn in_scattering(&self, vertex: u32) -> [f32; 2] {
+        let [.., choice, u] = self.point(vertex, Use::Medium);
+        [choice, u]
+    }
+
     /// Numbers for a walk of any length below the surface at the path's vertex number `vertex`.
     pub fn walk(&self, vertex: u32) -> Walk {
         self.numbers(vertex, Use::Walk, [vertex, self.index])
