@@ -263,6 +263,15 @@ impl Flight {
         self.glow
     }
 
+    /// Share of the light from this distance that arrives, on the mean: [`Flight::share`] where that is not
+    /// known.
+    pub fn mean_share(&self, t: f32) -> Vec3A {
+        match self.is_even() {
+            true => self.transmittance(t),
+            false => self.share(t),
+        }
+    }
+
     /// Share of the light from this distance that arrives.
     fn transmittance(&self, t: f32) -> Vec3A {
         let spans = self.spans.iter().take_while(|span| span.start < t);

@@ -64,6 +64,8 @@ pub struct Continuation {
     pub ray: Ray,
     /// Density of its direction [1/sr], for the weight of the light that it meets.
     pub pdf_solid_angle: f32,
+    /// What that counts for beside light samples: see [`Surface::odds`].
+    pub odds: f32,
     /// Point that it leaves, not moved off the surface.
     pub position: Vec3A,
     /// The sets of things that the surface there is in.
@@ -81,6 +83,38 @@ pub struct Continuation {
 }
 
 impl Continuation {
+    /// From a surface in a direction of this density [1/sr], which lights are sampled for by `strategy`
+    /// unless that is done elsewhere; `bounces` counts the event there.
+    pub fn leaving(
+        surface: &Surface,
+        direction: Vec3A,
+        pdf_solid_angle: f32,
+        strategy: Strategy,
+        bounces: Bounces,
+    ) -> Self {
+        let strategy = match surface.is_lit_apart {
+            true => strategy_at(bounces.lit_vertex()),
+            false => strategy,
+        };
+        Self {
+            ray: surface.ray_towards(direction),
+            pdf_solid_angle,
+            odds: surface.odds,
+            position: surface.position,
+            membership: surface.membership,
+            normal: surface.normal_towards(direction),
+            strategy,
+            bounces,
+            throughput: 1.0,
+            wants_distance: false,
+        }
+    }
+
+    /// Density of its direction for the weight of light that light samples find as well.
+    fn pdf_beside_samples(&self) -> f32 {
+        self.pdf_solid_angle * self.odds
+    }
+
     fn receiver(&self) -> Receiver {
         Receiver {
             point: self.position,
@@ -212,16 +246,12 @@ impl<'a> Tracer<'a> {
         if !(survival > 0.0) || numbers.roulette >= survival {
             return None;
         }
+        let bounces = self.after(from, surface, sample.part, sample.alpha);
+        let strategy = strategy_at(from.total);
+        let direction = sample.direction;
         let next = Continuation {
-            ray: surface.ray_towards(sample.direction),
-            pdf_solid_angle,
-            position: surface.position,
-            membership: surface.membership,
-            normal: surface.normal_towards(sample.direction),
-            strategy: strategy_at(from.total),
-            bounces: self.after(from, surface, sample.part, sample.alpha),
             throughput: throughput / survival,
-            wants_distance: false,
+            ..Continuation::leaving(surface, direction, pdf_solid_angle, strategy, bounces)
         };
         Some(Step {
             next,

@@ -43,6 +43,8 @@ pub struct Surface {
     pub is_medium: bool,
     /// Whether light samples are taken elsewhere, all along the ray.
     pub is_lit_apart: bool,
+    /// What densities of rays from there count for beside light samples, whose points are drawn elsewhere.
+    pub odds: f32,
     /// Distance along the ray.
     pub distance: f32,
     /// See-through surfaces that the path passed before it.
@@ -245,6 +247,7 @@ fn bare(frame: &SceneFrame, hit: &Hit, point: &Point, time: f32) -> Surface {
         holdout: 0.0,
         is_medium: false,
         is_lit_apart: false,
+        odds: 1.0,
         distance: hit.t,
         passed: 0,
         time,
@@ -435,6 +438,7 @@ pub fn in_medium(ray: &Ray, collision: &Collision) -> Surface {
         holdout: 0.0,
         is_medium: true,
         is_lit_apart: false,
+        odds: 1.0,
         distance: t,
         passed: 0,
         time: ray.time,

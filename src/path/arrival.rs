@@ -1,7 +1,7 @@
 //! Where a ray arrives: at a surface, or where a medium scatters it.
 
 use super::bounces::Bounces;
-use super::passed::{Chance, Passed};
+use super::passed::{Behind, Chance, Passed};
 use super::{Tracer, count_ray};
 use crate::accel::Hit;
 use crate::math::Ray;
@@ -54,10 +54,21 @@ impl Tracer<'_> {
             self.media
                 .fly(&journey, self.accel, numbers, sampler.medium(vertex));
         passed.glow = flight.glow();
+        passed.behind = flight.is_lit_on_the_way().then(|| {
+            let share = flight.mean_share(end);
+            let glow = |s: &Surface| (s.emission * share, self.group_of(s));
+            Behind {
+                share: share * passed.share(end),
+                glow: surface.as_ref().map(glow),
+            }
+        });
         if let Some(mut collision) = collision {
             collision.weight *= passed.share(collision.t);
             let mut point = surface::in_medium(ray, &collision);
             point.is_lit_apart = flight.is_lit_on_the_way();
+            if point.is_lit_apart {
+                point.odds = flight.odds(ray, self.lights.balls(), point.distance);
+            }
             surface = Some(point);
         } else if let Some(surface) = &mut surface {
             surface.put_behind(flight.share(end));

@@ -99,7 +99,7 @@ impl Tracer<'_> {
         let lit = values * radiance;
         LobeValues {
             lambert: lit.lambert * weight(light, own.lambert),
-            ..lit * weight(light, own.own)
+            ..lit * weight(light, own.own * surface.odds)
         }
     }
 }

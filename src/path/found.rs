@@ -24,7 +24,7 @@ impl Tracer<'_> {
             hit.triangle,
             surface.position,
         );
-        surface.emission * balance(from.pdf_solid_angle, pdf_light)
+        surface.emission * balance(from.pdf_beside_samples(), pdf_light)
     }
 
     /// Whether a glowing surface that a ray meets lights the thing that the ray comes from.
@@ -63,7 +63,7 @@ impl Tracer<'_> {
         let pdf_light = self
             .lights
             .environment_pdf(&from.receiver(), from.strategy, direction);
-        balance(from.pdf_solid_angle, pdf_light)
+        balance(from.pdf_beside_samples(), pdf_light)
     }
 
     /// Light of the lamps on a ray up to `distance`, through what it passed.
@@ -92,8 +92,11 @@ impl Tracer<'_> {
             .lamps_along(&ray, from.normal, from.strategy, kind, vertex)
             .filter(|lamp| is_linked(lamp.links, from.membership));
         for lamp in lamps {
-            let weight = balance(from.pdf_solid_angle, lamp.pdf_solid_angle);
-            emit(lamp.links, passed.share(lamp.t) * lamp.radiance * weight);
+            let weight = balance(from.pdf_beside_samples(), lamp.pdf_solid_angle);
+            emit(
+                lamp.links,
+                passed.mean_share(lamp.t) * lamp.radiance * weight,
+            );
         }
     }
 }

@@ -6,7 +6,7 @@ use super::bounces::Bounces;
 use super::light::clamped;
 use super::{Passed, Tracer, strategy_at};
 use crate::math::Ray;
-use crate::sampling::{Bsdf, LightSample, LobeValues, Receiver, Sampler};
+use crate::sampling::{Bsdf, LightSample, LobeValues, Sampler};
 use crate::surface;
 
 impl Tracer<'_> {
@@ -43,36 +43,15 @@ impl Tracer<'_> {
         if !passed.flight.is_lit_on_the_way() {
             return;
         }
-        let light = self.light_beside(ray, from, sampler);
-        let numbers = sampler.in_scattering(from.total);
-        let Some(mut point) = passed.flight.scatter(ray, light, numbers) else {
+        let (lamps, numbers) = (self.lights.balls(), sampler.in_scattering(from.total));
+        let Some((mut point, odds)) = passed.flight.scatter(ray, lamps, numbers) else {
             return;
         };
         point.weight *= passed.surfaces_share(point.t);
         let mut point = surface::in_medium(ray, &point);
+        point.odds = odds;
         point.passed = from.passed + passed.count(point.distance) as u32;
         let strategy = strategy_at(from.total);
         self.each_lit(&point, from, strategy, sampler, Bsdf::mixed, emit);
-    }
-
-    /// A point of the light that the numbers of the light sample choose from the start of the ray: most
-    /// likely the one that they choose further on. Whatever it is, the sample is right.
-    fn light_beside(&self, ray: &Ray, from: &Bounces, sampler: &Sampler) -> Option<Vec3A> {
-        let point = ray.at(ray.t_min);
-        let numbers = sampler.light(from.total);
-        let towards = |normal: Vec3A| {
-            let receiver = Receiver {
-                point,
-                normal,
-                time: ray.time,
-            };
-            let strategy = strategy_at(from.total);
-            let light = self
-                .lights
-                .sample(&receiver, strategy, &numbers, || [0.5; 2])[0]?;
-            let end = point + light.distance * light.direction;
-            end.is_finite().then_some(end)
-        };
-        towards(ray.direction).or_else(|| towards(-ray.direction))
     }
 }

@@ -52,6 +52,18 @@ pub struct Passed {
     pub(super) flight: Flight,
     /// Light that the media gave off.
     pub glow: Vec3A,
+    /// What lies behind even media, whether or not they scattered the ray before.
+    pub behind: Option<Behind>,
+}
+
+/// What a ray ends at behind media.
+#[derive(Clone, Copy)]
+pub struct Behind {
+    /// Share of the light from there that arrives, on the mean.
+    pub share: Vec3A,
+    /// The light that a surface there gives off and that arrives, on the mean, and its light group; `None`
+    /// where the ray leaves the scene.
+    pub glow: Option<(Vec3A, u8)>,
 }
 
 impl Passed {
@@ -113,6 +125,11 @@ impl Passed {
     /// Share of the light from this distance that arrives.
     pub fn share(&self, distance: f32) -> Vec3A {
         self.surfaces_share(distance) * self.flight.share(distance)
+    }
+
+    /// The same on the mean over all that may become of the ray in even media: for light that ends no ray.
+    pub fn mean_share(&self, distance: f32) -> Vec3A {
+        self.surfaces_share(distance) * self.flight.mean_share(distance)
     }
 
     /// The same as if there were no media.

@@ -148,16 +148,10 @@ fn gather(
     pdf_solid_angle: f32,
     sampler: &Sampler,
 ) -> Gathered {
+    let strategy = Strategy::SkyApart;
     let from = Continuation {
-        ray: surface.ray_towards(direction),
-        pdf_solid_angle,
-        position: surface.position,
-        membership: surface.membership,
-        normal: surface.normal_towards(direction),
-        strategy: Strategy::SkyApart,
-        bounces,
-        throughput: 1.0,
         wants_distance: true,
+        ..Continuation::leaving(surface, direction, pdf_solid_angle, strategy, bounces)
     };
     view.tracer.gather(&from, sampler)
 }

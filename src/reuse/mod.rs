@@ -230,9 +230,11 @@ impl View<'_> {
         };
         let (tracer, passed) = (&self.tracer, &shot.passed);
         let lamps = self.lamps_seen(ray);
-        let lamps: Vec3A = lamps.map(|lamp| passed.share(lamp.t) * lamp.radiance).sum();
+        let lamps: Vec3A = lamps
+            .map(|lamp| passed.mean_share(lamp.t) * lamp.radiance)
+            .sum();
         let surface = shot.surface.as_ref();
-        let glow = surface.map_or(Vec3A::ZERO, |surface| surface.emission);
+        let glow = self.glow_seen(shot).map_or(Vec3A::ZERO, |(glow, _)| glow);
         let share = passed.share(ray.t_max);
         let (coverage, environment) = self.behind(shot, ray, share);
         Sight {
@@ -248,6 +250,18 @@ impl View<'_> {
         }
     }
 
+    /// Light that the surface at the ray's end gives off, and its light group: on the mean where even media
+    /// lie before it, which may have scattered the ray.
+    fn glow_seen(&self, shot: &Shot) -> Option<(Vec3A, u8)> {
+        match shot.passed.behind {
+            Some(behind) => behind.glow.filter(|_| !shot.is_hole),
+            None => {
+                let surface = shot.surface.as_ref()?;
+                Some((surface.emission, self.tracer.group_of(surface)))
+            }
+        }
+    }
+
     /// Light that the camera sees at its source; it is limited as direct light is, as in Cycles.
     fn limited(&self, light: Vec3A) -> Vec3A {
         clamped(light, 1.0, self.tracer.settings.clamp_direct)
@@ -256,20 +270,30 @@ impl View<'_> {
     /// How much of the film the end of a ray covers, of whose light `share` arrives, and the radiance of
     /// the background if that is it.
     fn behind(&self, shot: &Shot, ray: &Ray, share: Vec3A) -> (f32, Vec3A) {
-        if let Some(surface) = &shot.surface {
-            let seen_through = self.tracer.seen_through(surface, &shot.sampler);
-            return (1.0 - surface.holdout - seen_through, Vec3A::ZERO);
-        }
         // As in Cycles a hole is a hole even where the background shows.
         if shot.is_hole {
             return (0.0, Vec3A::ZERO);
         }
-        if self.tracer.settings.film_transparent {
-            return (1.0 - share.element_sum() / 3.0, Vec3A::ZERO);
+        let is_transparent = self.tracer.settings.film_transparent;
+        let coverage = match &shot.surface {
+            Some(surface) => {
+                let seen_through = self.tracer.seen_through(surface, &shot.sampler);
+                1.0 - surface.holdout - seen_through
+            }
+            None if is_transparent => 1.0 - share.element_sum() / 3.0,
+            None => 1.0,
+        };
+        let share = match &shot.passed.behind {
+            Some(behind) if behind.glow.is_none() => behind.share,
+            None if shot.surface.is_none() => share,
+            _ => return (coverage, Vec3A::ZERO),
+        };
+        if is_transparent {
+            return (coverage, Vec3A::ZERO);
         }
         let lights = &self.tracer.lights;
         let radiance = lights.environment_radiance(ray.direction, RayKind::Camera, 0);
-        (1.0, share * radiance)
+        (coverage, share * radiance)
     }
 
     /// What a camera ray finds on a shadow catcher before it ends, which the picture does not show.
@@ -346,13 +370,15 @@ impl View<'_> {
         note(tracer.frame.world.reach.links.group, environment);
         if let Some(ray) = &shot.ray {
             for lamp in self.lamps_seen(ray) {
-                let light = shot.passed.share(lamp.t) * lamp.radiance;
+                let light = shot.passed.mean_share(lamp.t) * lamp.radiance;
                 note(lamp.links.group, self.limited(light));
             }
             tracer.note_seen_in_media(ray, &shot.passed, &shot.sampler, &mut note);
         }
+        if let Some((glow, group)) = self.glow_seen(shot) {
+            note(group, self.limited(glow));
+        }
         if let Some(surface) = &shot.surface {
-            note(tracer.group_of(surface), self.limited(surface.emission));
             tracer.note_scattered(surface, &shot.sampler, &mut note);
         }
     }

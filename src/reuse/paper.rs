@@ -229,18 +229,13 @@ fn gather(view: &View, surface: &Surface, sampler: &Sampler) -> Gather {
     let pdf_solid_angle = surface.bsdf.pdf(sample.pdfs);
     let weight = sample.value.sum() / pdf_solid_angle;
     let direction = sample.direction;
+    let start = Bounces::default();
+    let bounces = view.tracer.after(start, surface, sample.part, sample.alpha);
+    let strategy = Strategy::WithoutSky;
     let from = Continuation {
-        ray: surface.ray_towards(direction),
-        pdf_solid_angle,
-        position: surface.position,
-        membership: surface.membership,
-        normal: surface.normal,
-        strategy: Strategy::WithoutSky,
-        bounces: view
-            .tracer
-            .after(Bounces::default(), surface, sample.part, sample.alpha),
         throughput: weight.max_element(),
         wants_distance: true,
+        ..Continuation::leaving(surface, direction, pdf_solid_angle, strategy, bounces)
     };
     let gathered = view.tracer.gather(&from, sampler);
     let leaf = view.light_tree.leaf(direction);

@@ -11,7 +11,8 @@ pub use bsdf::{
     Principled, alpha_of, sample_scattered,
 };
 pub use lights::{
-    LightClass, LightHit, LightSample, LightSampler, Receiver, Strategy, emitted_radiance,
+    LightBall, LightClass, LightHit, LightSample, LightSampler, Receiver, Strategy,
+    emitted_radiance,
 };
 pub use sampler::{CameraSample, LightUse, Sampler, ScatterUse, Walk};
 pub use shutter::ShutterTimes;

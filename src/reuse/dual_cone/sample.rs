@@ -277,16 +277,11 @@ impl<'a> Pass<'a> {
         let drawn = surface.bsdf.sample(numbers.lobe, numbers.direction)?;
         let pdf_solid_angle = surface.bsdf.pdf(drawn.pdfs);
         let tracer = &self.view.tracer;
+        let bounces = tracer.after(Bounces::default(), surface, drawn.part, drawn.alpha);
+        let (direction, strategy) = (drawn.direction, self.strategy(lending));
         let from = Continuation {
-            ray: surface.ray_towards(drawn.direction),
-            pdf_solid_angle,
-            position: surface.position,
-            membership: surface.membership,
-            normal: surface.normal_towards(drawn.direction),
-            strategy: self.strategy(lending),
-            bounces: tracer.after(Bounces::default(), surface, drawn.part, drawn.alpha),
-            throughput: 1.0,
             wants_distance: self.iteration < REACH_ITERATIONS,
+            ..Continuation::leaving(surface, direction, pdf_solid_angle, strategy, bounces)
         };
         let gathered = tracer.gather(&from, &shot.sampler);
         Some(Gather {

@@ -100,6 +100,30 @@ pub struct LightSample {
     pub reach: Reach,
 }
 
+/// A light as a ball, which holds all of it.
+#[derive(Debug, Clone, Copy)]
+pub struct LightBall {
+    /// Its middle, world space.
+    pub center: Vec3A,
+    /// [m]
+    pub radius: f32,
+    /// Its greatest radiant intensity, as the light tree has it.
+    pub intensity: f32,
+}
+
+impl From<Extent> for LightBall {
+    fn from(extent: Extent) -> Self {
+        Self {
+            center: 0.5 * (extent.low + extent.high),
+            radius: 0.5 * (extent.high - extent.low).length(),
+            intensity: extent.intensity,
+        }
+    }
+}
+
+/// With more lights than this nobody asks for all of them.
+const BALLS: usize = 64;
+
 /// A lamp that a ray runs into.
 #[derive(Debug, Clone, Copy)]
 pub struct LightHit {
@@ -177,6 +201,8 @@ pub struct LightSampler {
     choice: Choice,
     /// Where there are too many lamps to ask each whether a ray meets it.
     lamp_finder: Option<LampFinder>,
+    /// The lights that have a place, unless they are too many.
+    balls: Vec<LightBall>,
     world: World,
     image_tables: Option<Arc<ImageTables>>,
 }
@@ -205,6 +231,11 @@ impl LightSampler {
                 reaches.push(reach_of_surface(frame, instance));
             }
         }
+        let extents = lights.iter().filter_map(|light| light.extent());
+        let balls = match extents.clone().count() <= BALLS {
+            true => extents.map(LightBall::from).collect(),
+            false => Vec::new(),
+        };
         Self {
             choice: Choice::new(&lights),
             lamp_finder: (lamps > EVALUATED_MAX).then(|| LampFinder::new(&lights[..lamps])),
@@ -218,6 +249,7 @@ impl LightSampler {
             has_unsampled: frame.materials.iter().any(|m| m.emission.asks_around()),
             world: frame.world.clone(),
             image_tables,
+            balls,
         }
     }
 
@@ -247,6 +279,11 @@ impl LightSampler {
     /// Whether the frame has no light at all.
     pub fn is_empty(&self) -> bool {
         self.lights.is_empty()
+    }
+
+    /// The lights that have a place, or none where they are too many to ask each.
+    pub fn balls(&self) -> &[LightBall] {
+        &self.balls
     }
 
     /// Whether a ray can run into a light other than the surroundings.
