@@ -137,7 +137,7 @@ class DualConeEngine(bpy.types.RenderEngine):
         with self._scene_put_back(depsgraph.scene):
             reader = Reader(self, renderer, depsgraph, order)
             current = reader.read(order.frame)
-            if not len(current.arrays["instance_mesh"]):
+            if not shows_things(current):
                 self._warn(NOTHING_TO_SEE)
             # Reading an unchanged scene again is cheap, and proves that no edit came between.
             finished = SESSION.take(order.view, order.recipe, order.frame, current.content_hash)
@@ -289,6 +289,11 @@ def read_order(engine: DualConeEngine, depsgraph: bpy.types.Depsgraph) -> Order:
         threads=scene.render.threads,
         exposure=scene.cycles.film_exposure if hasattr(scene, "cycles") else 1.0,
     )
+
+
+def shows_things(frame: ExportedFrame) -> bool:
+    """Tell whether there is more to see than a world: a surface, or a fog that lamps may light."""
+    return len(frame.arrays["instance_mesh"]) > 0 or int(frame.arrays["world_material"]) >= 0
 
 
 def read_region(engine: DualConeEngine, render: bpy.types.RenderSettings) -> Region:

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from .rows import table
-from .stage import Stage, add_node, find_socket, give, node_tree, output, set_known
+from .stage import Stage, add_node, find_socket, give, node_tree, output, set_known, shade, sky
 
 GREEN = (0.3, 0.8, 0.4, 1.0)
 
@@ -46,6 +46,26 @@ def fog(stage: Stage, kind: str, bounces: int = 0, **values: Any) -> None:
     tree: Any = stage.scene.world.node_tree
     volume = add_node(tree, kind, **values)
     tree.links.new(volume.outputs[0], output(tree).inputs["Volume"])
+
+
+def light_in_fog(stage: Stage, light: str, density: float = 0.05, anisotropy: float = 0.0) -> None:
+    """A light in a fog, and nothing else."""
+    stage.clear()
+    for thing in (stage.floor, stage.lamp):
+        bpy.data.objects.remove(thing)
+    stage.scene.world = sky((0.0, 0.0, 0.0))
+    fog(stage, "ShaderNodeVolumeScatter", Density=density, Anisotropy=anisotropy)
+    if light in ("POINT", "AREA", "SPOT"):
+        stage.add_lamp(light, location=(0.0, 0.0, 1.5), energy=100.0)
+        return
+    add = {
+        "panel": bpy.ops.mesh.primitive_plane_add,
+        "cube": bpy.ops.mesh.primitive_cube_add,
+        "text": bpy.ops.object.text_add,
+    }
+    add[light](location=(0.0, 0.0, 1.0), rotation=(1.3, 0.0, 0.0))
+    glow = shade(bpy.data.materials.new("Row"), "ShaderNodeEmission", Strength=10.0)
+    give(bpy.context.object, glow)
 
 
 def both(stage: Stage) -> None:
@@ -210,6 +230,11 @@ ROWS = table(
     ("Scatter and Absorption in fog", both),
     ("world, Scatter", fog, {"kind": "ShaderNodeVolumeScatter", "Density": 0.03}),
     ("world, Absorption", fog, {"kind": "ShaderNodeVolumeAbsorption", "Color": GREEN, "Density": 0.1}),
+    ("world, Scatter, a point lamp alone", light_in_fog, {"light": "POINT"}),
+    ("world, Scatter, a square lamp alone", light_in_fog, {"light": "AREA"}),
+    ("world, Scatter, a glowing panel alone", light_in_fog, {"light": "panel"}),
+    ("world, Scatter, a glowing cube alone", light_in_fog, {"light": "cube", "density": 0.5}),
+    ("world, Scatter, a glowing text alone", light_in_fog, {"light": "text", "anisotropy": 0.6}),
     ("Scatter, density by a gradient", textured, {"kind": "ShaderNodeVolumeScatter", "socket": "Density", "pattern": GRADIENT}),
     ("Absorption, density by noise", textured, {"kind": "ShaderNodeVolumeAbsorption", "socket": "Density", "pattern": NOISE, "Color": GREEN}),
     ("Principled, density by noise, 4 bounces", textured, {"kind": "ShaderNodeVolumePrincipled", "socket": "Density", "pattern": NOISE, "bounces": 4, "Color": GREEN}),
