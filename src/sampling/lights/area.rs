@@ -8,6 +8,7 @@ use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 use glam::{Affine3A, Vec2, Vec3A};
 
+use super::rectangle::SphericalRectangle;
 use super::tree::{Extent, NormalCone};
 use super::{Emitter, LightClass, LightHit, LightSample, Receiver};
 use crate::math::warp::sample_disk;
@@ -41,6 +42,12 @@ struct Slats {
     /// Makes up for the light that the slats take.
     gain: f32,
 }
+
+/// From about this solid angle [sr] on directions are drawn instead of points: below it both are alike.
+const LARGE: f32 = 0.2;
+
+/// The same for round lamps: directions to the corners around them are lost, a fifth of all.
+const LARGE_ROUND: f32 = 1.0;
 
 /// Cycles makes no lamp narrower [rad].
 const SPREAD_MIN: f32 = PI / 180.0;
@@ -145,8 +152,35 @@ impl Area {
         })
     }
 
-    /// Density per steradian of a point at distance `t` in `direction`, drawn uniformly in area.
+    /// The part that may light a point (of a round lamp, its square) as the point sees it, where it is
+    /// large enough for its solid angle to be worth its price. Next to a lamp, points drawn by area are
+    /// hardly ever those that shine most.
+    fn large(&self, point: Vec3A) -> Option<(SphericalRectangle, Vec2)> {
+        let (on, height) = self.local(point);
+        // No part is seen larger than one at the nearest point would be.
+        let beside = (on.abs() - self.half_size).max(Vec2::ZERO);
+        let nearest_squared = beside.length_squared() + height * height;
+        let at_most = height * self.area / (nearest_squared * nearest_squared.sqrt());
+        let large = match self.shape {
+            Shape::Rectangle => LARGE,
+            Shape::Ellipse => LARGE_ROUND,
+        };
+        if at_most.is_nan() || at_most < large {
+            return None;
+        }
+        let Patch { low, high } = self.patch(point).unwrap_or(Patch {
+            low: -self.half_size,
+            high: self.half_size,
+        });
+        let seen = SphericalRectangle::new(low - on, high - on, height);
+        (seen.solid_angle > 1e-4).then_some((seen, on))
+    }
+
+    /// Density per steradian of a point at distance `t` in `direction`.
     fn pdf(&self, point: Vec3A, direction: Vec3A, t: f32) -> f32 {
+        if let Some((seen, _)) = self.large(point) {
+            return seen.solid_angle.recip();
+        }
         let area = self.patch(point).map_or(self.area, |patch| patch.area());
         t * t / (area * -direction.dot(self.normal)).max(f32::MIN_POSITIVE)
     }
@@ -161,6 +195,10 @@ impl Area {
 
     /// A point of the lamp, in its axes.
     fn sample_point(&self, point: Vec3A, u: [f32; 2]) -> Option<Vec2> {
+        if let Some((seen, on)) = self.large(point) {
+            let on = on + seen.sample(u);
+            return self.covers(on).then_some(on);
+        }
         if let Some(Patch { low, high }) = self.patch(point) {
             let on = low + (high - low) * Vec2::from(u);
             return self.covers(on).then_some(on);

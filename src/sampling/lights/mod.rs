@@ -16,6 +16,7 @@ mod area;
 mod choice;
 mod environment;
 mod mesh;
+mod rectangle;
 mod shaded;
 mod sphere;
 mod sun;
