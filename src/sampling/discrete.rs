@@ -1,5 +1,7 @@
 //! Choosing one of many with given weights.
 
+use std::ops::Range;
+
 /// A cumulative distribution; what it says is exactly what it draws.
 #[derive(Debug, Clone)]
 pub struct Discrete {
@@ -44,6 +46,27 @@ impl Discrete {
     /// Probability of an index.
     pub fn pmf(&self, index: usize) -> f32 {
         self.cumulative[index + 1] - self.cumulative[index]
+    }
+
+    /// One of some indices, and its probability among them; `None` if all of theirs are zero.
+    pub fn sample_among(&self, range: Range<usize>, u: f32) -> Option<(usize, f32)> {
+        let steps = &self.cumulative[range.start..=range.end];
+        let [low, high] = [steps[0], steps[range.len()]];
+        let u = low + u * (high - low);
+        let index = range.start + steps.partition_point(|&step| step <= u).max(1) - 1;
+        // Rounding may reach the end: the last one that has a probability is meant.
+        let index = (range.start..range.end.min(index + 1)).rfind(|&at| self.pmf(at) > 0.0)?;
+        Some((index, self.pmf(index) / (high - low)))
+    }
+
+    /// Probability of an index among some.
+    pub fn pmf_among(&self, range: Range<usize>, index: usize) -> f32 {
+        let all = self.cumulative[range.end] - self.cumulative[range.start];
+        if all > 0.0 {
+            self.pmf(index) / all
+        } else {
+            0.0
+        }
     }
 
     /// The distribution as steps from 0 to 1.
@@ -105,6 +128,22 @@ mod tests {
         assert_eq!(count, [0, 3000, 0, 1000, 4000, 0]);
         assert_eq!(discrete.sample(0.0).0, 1);
         assert_eq!(discrete.sample(1.0).0, 4);
+    }
+
+    #[test]
+    fn some_of_them_keep_their_shares() {
+        let discrete = Discrete::new([1.0, 3.0, 0.0, 1.0, 4.0, 0.0]).unwrap();
+        let mut count = [0; 6];
+        for i in 0..400 {
+            let (index, pmf) = discrete
+                .sample_among(1..4, (i as f32 + 0.5) / 400.0)
+                .unwrap();
+            assert_eq!(pmf, discrete.pmf_among(1..4, index));
+            count[index] += 1;
+        }
+        assert_eq!(count, [0, 300, 0, 100, 0, 0]);
+        assert_eq!(discrete.sample_among(1..4, 1.0).unwrap().0, 3);
+        assert!(discrete.sample_among(5..6, 0.5).is_none());
     }
 
     #[test]

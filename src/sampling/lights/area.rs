@@ -10,7 +10,7 @@ use glam::{Affine3A, Vec2, Vec3A};
 
 use super::rectangle::SphericalRectangle;
 use super::tree::{Extent, NormalCone};
-use super::{Emitter, LightClass, LightHit, LightSample, Receiver};
+use super::{Emitter, LARGE, LightClass, LightHit, LightSample, Receiver};
 use crate::math::warp::sample_disk;
 use crate::math::{Ray, luminance};
 use crate::scene::{Links, Reach};
@@ -43,10 +43,7 @@ struct Slats {
     gain: f32,
 }
 
-/// From about this solid angle [sr] on directions are drawn instead of points: below it both are alike.
-const LARGE: f32 = 0.2;
-
-/// The same for round lamps: directions to the corners around them are lost, a fifth of all.
+/// [`LARGE`] for round lamps: directions to the corners around them are lost, a fifth of all.
 const LARGE_ROUND: f32 = 1.0;
 
 /// Cycles makes no lamp narrower [rad].
@@ -283,6 +280,7 @@ impl Emitter for Area {
                 angle: 0.0,
             },
             reach,
+            both_sides: false,
         })
     }
 }

@@ -9,8 +9,8 @@
 //! [`LightSampler::lamps_along`] give.
 //!
 //! # Departures from Cycles
-//! An instance that glows is one light, whose triangles are chosen by their power; area lamps are
-//! sampled by area.
+//! An instance that glows is one light, whose triangles stand in a tree of their own. Of a closed one only
+//! the outer side is sampled.
 
 mod area;
 mod choice;
@@ -22,6 +22,7 @@ mod sphere;
 mod sun;
 mod table;
 mod tree;
+mod triangle;
 
 use std::sync::Arc;
 
@@ -458,6 +459,9 @@ impl LightSampler {
         strategy == Strategy::One || self.sky != Some(index)
     }
 }
+
+/// From this solid angle [sr] on directions are drawn evenly instead of points: below it both are alike.
+const LARGE: f32 = 0.2;
 
 /// Keeps sums of weights finite.
 const WEIGHT_MAX: f32 = 1e30;

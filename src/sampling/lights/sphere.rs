@@ -280,6 +280,7 @@ impl Emitter for Sphere {
             intensity,
             normals,
             reach,
+            both_sides: false,
         })
     }
 }

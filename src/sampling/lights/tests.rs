@@ -13,6 +13,7 @@ use crate::shader::{Draft, ObjectInfo};
 use crate::testing::image_world;
 
 mod many;
+mod meshes;
 
 fn plain_world(radiance: f32) -> World {
     World {
@@ -91,39 +92,39 @@ fn spot(radius: f32, soft_falloff: bool, blend: f32) -> LightKind {
     }
 }
 
-/// Two glowing triangles and a dark one: the square of half edge 1 two metres up, shining down and
-/// up, in an instance that is half as wide as long.
-fn glowing_square() -> SceneFrame {
-    let vertices = [
-        -1., -1., 0., 1., -1., 0., 1., 1., 0., -1., 1., 0., 5., 5., 5f32,
-    ];
-    let triangles = [0, 1, 2, 2, 3, 4, 0, 2, 3u32];
+/// An instance of these triangles, whose materials have these emissions.
+fn glowing(
+    vertices: &[f32],
+    triangles: &[u32],
+    slots: &[u32],
+    radiances: &[f32],
+    placement: Affine3A,
+) -> SceneFrame {
     let given = |name: &str, shape: &[usize], numbers| Given {
         name: name.into(),
         shape: shape.into(),
         numbers,
     };
+    let count = slots.len();
+    let (normals, uvs) = (vec![0.0; 9 * count], vec![0.0; 6 * count]);
     let mesh = Mesh::new(vec![
-        given("vertices", &[5, 3], Numbers::F32(&vertices)),
-        given("triangles", &[3, 3], Numbers::U32(&triangles)),
-        given("corner_normals", &[3, 3, 3], Numbers::F32(&[0.0; 27])),
-        given("corner_uvs", &[3, 3, 2], Numbers::F32(&[0.0; 18])),
+        given("vertices", &[vertices.len() / 3, 3], Numbers::F32(vertices)),
+        given("triangles", &[count, 3], Numbers::U32(triangles)),
+        given("corner_normals", &[count, 3, 3], Numbers::F32(&normals)),
+        given("corner_uvs", &[count, 3, 2], Numbers::F32(&uvs)),
         given("layer_keys", &[0], Numbers::U32(&[])),
-        given("layer_values", &[0, 3, 3, 4], Numbers::F32(&[])),
-        given("material_slots", &[3], Numbers::U32(&[1, 0, 7])),
+        given("layer_values", &[0, count, 3, 4], Numbers::F32(&[])),
+        given("material_slots", &[count], Numbers::U32(slots)),
     ]);
     let material =
-        |radiance| Material::of(&[("emission", &[("Weight", 0.5), ("Color", radiance)])]);
-    let scale = Vec3::new(0.5, 1.0, 1.0);
-    let placement =
-        Affine3A::from_scale_rotation_translation(scale, Quat::IDENTITY, Vec3::new(0.0, 0.0, 2.0));
+        |&radiance| Material::of(&[("emission", &[("Weight", 0.5), ("Color", radiance)])]);
     let instance = Instance {
         mesh: 0,
         key: 0,
         placement: Placement::new(placement),
         motion: None,
         info: ObjectInfo::default(),
-        materials: vec![0, 1],
+        materials: (0..radiances.len() as u32).collect(),
         visibility: Visibility::ALL,
         lift_cosine: 0.0,
         is_holdout: false,
@@ -133,9 +134,22 @@ fn glowing_square() -> SceneFrame {
     };
     let mut frame = frame_of(vec![], plain_world(0.0));
     frame.meshes = vec![Arc::new(mesh.unwrap())];
-    frame.materials = vec![material(0.0), material(10.0)];
+    frame.materials = radiances.iter().map(material).collect();
     frame.instances = vec![instance];
     frame
+}
+
+/// Two glowing triangles and a dark one: the square of half edge 1 two metres up, shining down and
+/// up, in an instance that is half as wide as long.
+fn glowing_square() -> SceneFrame {
+    let vertices = [
+        -1., -1., 0., 1., -1., 0., 1., 1., 0., -1., 1., 0., 5., 5., 5f32,
+    ];
+    let triangles = [0, 1, 2, 2, 3, 4, 0, 2, 3u32];
+    let scale = Vec3::new(0.5, 1.0, 1.0);
+    let placement =
+        Affine3A::from_scale_rotation_translation(scale, Quat::IDENTITY, Vec3::new(0.0, 0.0, 2.0));
+    glowing(&vertices, &triangles, &[1, 0, 7], &[0.0, 10.0], placement)
 }
 
 fn numbers(random: &mut Random) -> LightUse {

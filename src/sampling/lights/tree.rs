@@ -13,6 +13,7 @@
 //! - The extent of a box is the square of its diagonal: areas vanish for lamps in a row.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::ops::Range;
 
 use glam::Vec3A;
 
@@ -30,6 +31,8 @@ pub(super) struct Extent {
     pub normals: NormalCone,
     /// Angle [rad] to the nearest of its normals beyond which it gives no light.
     pub reach: f32,
+    /// Whether it shines against its normals as well.
+    pub both_sides: bool,
 }
 
 /// A cone of directions.
@@ -73,13 +76,26 @@ impl NormalCone {
 }
 
 impl Extent {
-    fn union(self, other: Self) -> Self {
+    pub(super) fn union(self, other: Self) -> Self {
         Self {
             low: self.low.min(other.low),
             high: self.high.max(other.high),
             intensity: self.intensity + other.intensity,
-            normals: self.normals.union(other.normals),
+            normals: self.normals.union(other.turned_to(self.normals)),
             reach: self.reach.max(other.reach),
+            both_sides: self.both_sides || other.both_sides,
+        }
+    }
+
+    /// Its normals, towards others if they may be turned.
+    fn turned_to(&self, others: NormalCone) -> NormalCone {
+        let turn = match self.both_sides && others.axis.dot(self.normals.axis) < 0.0 {
+            true => -1.0,
+            false => 1.0,
+        };
+        NormalCone {
+            axis: turn * self.normals.axis,
+            ..self.normals
         }
     }
 
@@ -110,6 +126,10 @@ struct Node {
     axis: Vec3A,
     cos_normals: f32,
     cos_reach: f32,
+    both_sides: bool,
+    /// Where in the tree's order those below it begin, and how many they are.
+    first: u32,
+    count: u32,
     /// Index of the node above; the root names itself.
     parent: u32,
     below: Below,
@@ -130,6 +150,19 @@ pub(super) struct EmitterTree {
     nodes: Vec<Node>,
     /// The node of each light.
     leaves: Vec<u32>,
+    /// The lights from the tree's first to its last.
+    order: Vec<u32>,
+}
+
+/// Neighbours in the tree that look alike from somewhere: there is no need to weigh one against the other.
+#[derive(Debug)]
+pub(super) struct Part {
+    /// Their places in [`EmitterTree::order`].
+    pub places: Range<usize>,
+    /// With which it is chosen.
+    pub probability: f32,
+    /// A number that is uniform again.
+    pub u: f32,
 }
 
 /// Cosine of `a - b`, held at one where b is larger. Angles are between 0 and pi.
@@ -157,7 +190,11 @@ impl Node {
         let direction = to_center / distance_squared.sqrt();
         let cos_size = (1.0 - radius_squared / distance_squared).max(0.0).sqrt();
         let cos_receiver = cos_of_rest(receiver.normal.dot(direction), cos_size) + SLACK;
-        let cos_normals = cos_of_rest(-direction.dot(self.axis), self.cos_normals);
+        let cos_axis = match self.both_sides {
+            true => direction.dot(self.axis).abs(),
+            false => -direction.dot(self.axis),
+        };
+        let cos_normals = cos_of_rest(cos_axis, self.cos_normals);
         let cos_light = cos_of_rest(cos_normals, cos_size) + SLACK;
         if cos_receiver <= 0.0 || cos_light < self.cos_reach {
             return 0.0;
@@ -167,12 +204,35 @@ impl Node {
     }
 }
 
+/// Lights look alike from this many times the radius of the ball around them, if their normals agree as well
+/// as this.
+const ALIKE_DISTANCE: f32 = 8.0;
+const ALIKE_COSINE: f32 = 0.9;
+
+impl Node {
+    fn looks_alike(&self, receiver: &Receiver) -> bool {
+        let near = ALIKE_DISTANCE * self.radius;
+        self.cos_normals > ALIKE_COSINE
+            && (self.center - receiver.point).length_squared() > near * near
+    }
+
+    fn part(&self, probability: f32) -> Part {
+        let first = self.first as usize;
+        Part {
+            places: first..first + self.count as usize,
+            probability,
+            u: 0.0,
+        }
+    }
+}
+
 impl EmitterTree {
     /// A tree over at least one light.
     pub(super) fn new(lights: &[Extent]) -> Self {
         let mut tree = Self {
             nodes: Vec::with_capacity(2 * lights.len()),
             leaves: vec![0; lights.len()],
+            order: Vec::new(),
         };
         let mut members: Vec<u32> = (0..lights.len() as u32).collect();
         // Parts to build: their members, and the node above whose second part each is.
@@ -183,7 +243,7 @@ impl EmitterTree {
                 tree.nodes[parent as usize].below = Below::Nodes(index);
             }
             let part = &mut members[range.clone()];
-            tree.push(lights, part, parent);
+            tree.push(lights, part, range.start, parent);
             if part.len() > 1 {
                 let middle = range.start + split(lights, part);
                 todo.push((middle..range.end, index, true));
@@ -192,10 +252,11 @@ impl EmitterTree {
                 tree.leaves[part[0] as usize] = index;
             }
         }
+        tree.order = members;
         tree
     }
 
-    fn push(&mut self, lights: &[Extent], members: &[u32], parent: u32) {
+    fn push(&mut self, lights: &[Extent], members: &[u32], first: usize, parent: u32) {
         let extent = union_of(lights, members);
         self.nodes.push(Node {
             center: extent.center(),
@@ -204,6 +265,9 @@ impl EmitterTree {
             axis: extent.normals.axis,
             cos_normals: extent.normals.angle.cos(),
             cos_reach: extent.reach.min(PI).cos(),
+            both_sides: extent.both_sides,
+            first: first as u32,
+            count: members.len() as u32,
             parent,
             below: Below::Light(members[0]),
         });
@@ -253,6 +317,61 @@ impl EmitterTree {
             Below::Light(light) => of_light(light),
             Below::Nodes(_) => node.importance(receiver).min(WEIGHT_MAX),
         }
+    }
+
+    /// The lights in the order in which the tree has them: those below a node follow each other.
+    pub(super) fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// A part of lights that look alike from the receiver, all of which are weighed by their bounds; `None`
+    /// where the walk ends between two nodes without light.
+    pub(super) fn part(&self, receiver: &Receiver, mut u: f32) -> Option<Part> {
+        let (mut node, mut probability) = (0, 1.0);
+        while let Some(second) = self.below(node, receiver) {
+            let [first, other] = self.shares([node + 1, second], receiver)?;
+            (node, u, probability) = if u < first {
+                (node + 1, u / first, probability * first)
+            } else {
+                (second, (u - first) / other, probability * other)
+            };
+            u = u.clamp(0.0, ALMOST_ONE);
+        }
+        Some(Part {
+            u,
+            ..self.nodes[node as usize].part(probability)
+        })
+    }
+
+    /// The part that holds the light at a place of the order.
+    pub(super) fn part_with(&self, place: usize, receiver: &Receiver) -> Option<Part> {
+        let (mut node, mut probability) = (0, 1.0);
+        while let Some(second) = self.below(node, receiver) {
+            let [first, other] = self.shares([node + 1, second], receiver)?;
+            (node, probability) = if place < self.nodes[second as usize].first as usize {
+                (node + 1, probability * first)
+            } else {
+                (second, probability * other)
+            };
+        }
+        Some(self.nodes[node as usize].part(probability))
+    }
+
+    /// The second node below one which does not look alike everywhere.
+    fn below(&self, node: u32, receiver: &Receiver) -> Option<u32> {
+        let node = &self.nodes[node as usize];
+        match node.below {
+            Below::Nodes(second) if !node.looks_alike(receiver) => Some(second),
+            _ => None,
+        }
+    }
+
+    /// Probabilities of two nodes.
+    fn shares(&self, nodes: [u32; 2], receiver: &Receiver) -> Option<[f32; 2]> {
+        let weigh = |node: u32| self.nodes[node as usize].importance(receiver);
+        let [first, second] = nodes.map(|node| weigh(node).min(WEIGHT_MAX));
+        let total = first + second;
+        (total > 0.0).then(|| [first / total, second / total])
     }
 
     /// A light below a node, and the probability of choosing it there; `None` where the walk ends

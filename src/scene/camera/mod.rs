@@ -235,6 +235,11 @@ impl Camera {
             || position(self).distance(position(next)) > MOVE * scene_size
     }
 
+    /// Where it stands, world space.
+    pub fn position(&self) -> Vec3A {
+        self.world_from_camera.translation
+    }
+
     /// Unit vector from a point of world space towards the camera.
     pub fn direction_from(&self, point: Vec3A) -> Vec3A {
         match self.projection {

@@ -1,0 +1,147 @@
+//! Which triangle of a glowing instance gets a sample.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+use std::ops::Range;
+
+use glam::Vec3A;
+
+use super::facet::Facet;
+use crate::sampling::discrete::Discrete;
+use crate::sampling::lights::Receiver;
+use crate::sampling::lights::tree::{EmitterTree, Extent, NormalCone, Part};
+
+/// More triangles than this stand in the tree by groups that follow each other in the mesh.
+const LEAVES_MAX: usize = 1 << 14;
+
+/// By power, or where they are known ahead by place as well.
+pub struct FacetChoice {
+    /// In the order of the tree, if there is one.
+    by_power: Discrete,
+    by_place: Option<ByPlace>,
+}
+
+struct ByPlace {
+    /// Over groups of triangles.
+    tree: EmitterTree,
+    /// Where in the tree's order the triangles of each group begin, and the end.
+    starts: Vec<u32>,
+    /// The triangle at each of these places.
+    facets: Vec<u32>,
+    /// The other way round.
+    place_of: Vec<u32>,
+}
+
+/// To which sides of their triangles a mesh shines on others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sides {
+    Both,
+    /// Where the normal points to.
+    Front,
+    Back,
+}
+
+impl FacetChoice {
+    /// `None` where no power is above zero.
+    pub fn new(facets: &[Facet], powers: &[f32], sides: Sides, is_moving: bool) -> Option<Self> {
+        if is_moving || facets.len() < 2 {
+            let by_power = Discrete::new(powers.iter().copied())?;
+            let by_place = None;
+            return Some(Self { by_power, by_place });
+        }
+        let by_place = ByPlace::new(facets, powers, sides);
+        let power_at = |&facet: &u32| powers[facet as usize];
+        Some(Self {
+            by_power: Discrete::new(by_place.facets.iter().map(power_at))?,
+            by_place: Some(by_place),
+        })
+    }
+
+    /// A triangle and its probability; `None` where none shines on the receiver.
+    pub fn sample(&self, receiver: &Receiver, u: f32) -> Option<(usize, f32)> {
+        let Some(by_place) = &self.by_place else {
+            let (index, pmf, _) = self.by_power.sample(u);
+            return Some((index, pmf));
+        };
+        let part = by_place.tree.part(receiver, u)?;
+        let places = by_place.places(&part);
+        let (place, pmf) = self.by_power.sample_among(places, part.u)?;
+        Some((by_place.facets[place] as usize, part.probability * pmf))
+    }
+
+    /// The probability with which a triangle is found.
+    pub fn pmf(&self, receiver: &Receiver, index: usize) -> f32 {
+        let Some(by_place) = &self.by_place else {
+            return self.by_power.pmf(index);
+        };
+        let place = by_place.place_of[index] as usize;
+        let group = by_place
+            .starts
+            .partition_point(|&start| start as usize <= place)
+            - 1;
+        by_place
+            .tree
+            .part_with(group, receiver)
+            .map_or(0.0, |part| {
+                part.probability * self.by_power.pmf_among(by_place.places(&part), place)
+            })
+    }
+}
+
+impl ByPlace {
+    fn new(facets: &[Facet], powers: &[f32], sides: Sides) -> Self {
+        let size = facets.len().div_ceil(LEAVES_MAX);
+        let groups = facets.chunks(size).zip(powers.chunks(size));
+        let extents: Vec<Extent> = groups.map(|(f, p)| extent_of(f, p, sides)).collect();
+        let tree = EmitterTree::new(&extents);
+        let mut by_place = Self {
+            starts: vec![0],
+            facets: Vec::with_capacity(facets.len()),
+            place_of: vec![0; facets.len()],
+            tree,
+        };
+        for &group in by_place.tree.order() {
+            let first = group as usize * size;
+            for facet in first..(first + size).min(facets.len()) {
+                by_place.place_of[facet] = by_place.facets.len() as u32;
+                by_place.facets.push(facet as u32);
+            }
+            by_place.starts.push(by_place.facets.len() as u32);
+        }
+        by_place
+    }
+
+    /// Of the triangles of a part.
+    fn places(&self, part: &Part) -> Range<usize> {
+        let Range { start, end } = part.places;
+        self.starts[start] as usize..self.starts[end] as usize
+    }
+}
+
+/// Where neighbouring triangles are, and where they shine.
+pub fn extent_of(facets: &[Facet], powers: &[f32], sides: Sides) -> Extent {
+    let lit = facets.iter().zip(powers);
+    let extents = lit.map(|(facet, &power)| {
+        let [a, b, c] = facet.corners;
+        let turn = if sides == Sides::Back { -1.0 } else { 1.0 };
+        let of_both = if sides == Sides::Both { 0.5 } else { 1.0 };
+        Extent {
+            low: a.min(b).min(c),
+            high: a.max(b).max(c),
+            intensity: of_both * power / PI,
+            normals: NormalCone {
+                axis: turn * facet.normal(),
+                angle: 0.0,
+            },
+            reach: FRAC_PI_2,
+            both_sides: sides == Sides::Both,
+        }
+    });
+    extents.reduce(Extent::union).unwrap_or(Extent {
+        low: Vec3A::ZERO,
+        high: Vec3A::ZERO,
+        intensity: 0.0,
+        normals: NormalCone::ALL,
+        reach: FRAC_PI_2,
+        both_sides: true,
+    })
+}

@@ -1,0 +1,77 @@
+//! To which sides a glowing mesh shines on others: of a closed one whose faces all glow, nobody outside sees
+//! the inner ones, and half of all light samples would end there.
+//!
+//! Rays that do meet a side which is not sampled count in full, so that the picture is right either way.
+
+use std::collections::HashMap;
+
+use glam::Vec3A;
+
+use super::choice::Sides;
+use super::facet::Facet;
+use crate::scene::{Mesh, SceneFrame};
+
+/// Meshes of more triangles are taken to be open, which costs no time.
+const TRIANGLES_MAX: usize = 1 << 17;
+
+/// The sides of an instance whose glowing triangles are these, all bounds being in world space.
+pub fn sides_of(frame: &SceneFrame, instance: u32, facets: &[Facet]) -> Sides {
+    let mesh = frame.mesh_of(instance);
+    let glows_all_over = facets.len() == mesh.triangles.len() && facets.len() <= TRIANGLES_MAX;
+    let materials = frame.instances[instance as usize].materials.iter();
+    let mut materials = materials.map(|&material| &frame.materials[material as usize]);
+    if !glows_all_over || materials.any(|m| m.is_see_through()) || holds_camera(frame, facets) {
+        return Sides::Both;
+    }
+    let volume = volume(facets);
+    match is_closed(mesh) {
+        true if volume > 0.0 => Sides::Front,
+        true if volume < 0.0 => Sides::Back,
+        _ => Sides::Both,
+    }
+}
+
+/// Whether the camera may be among the triangles, and sees them from within.
+fn holds_camera(frame: &SceneFrame, facets: &[Facet]) -> bool {
+    let corners = || facets.iter().flat_map(|facet| facet.corners);
+    let low = corners().fold(Vec3A::INFINITY, Vec3A::min);
+    let high = corners().fold(Vec3A::NEG_INFINITY, Vec3A::max);
+    let eye = frame.camera.position();
+    eye.cmpge(low).all() && eye.cmple(high).all()
+}
+
+/// Volume within, below zero where normals point inwards.
+fn volume(facets: &[Facet]) -> f64 {
+    let Some(origin) = facets.first().map(|facet| facet.corners[0]) else {
+        return 0.0;
+    };
+    let of_one = |facet: &Facet| {
+        let [a, b, c] = facet.corners.map(|corner| (corner - origin).as_dvec3());
+        a.dot(b.cross(c))
+    };
+    facets.iter().map(of_one).sum()
+}
+
+/// Whether each edge has one triangle on either side, which go round it in opposite directions. Vertices at
+/// one place are one.
+fn is_closed(mesh: &Mesh) -> bool {
+    let mut places = HashMap::new();
+    let place_of: Vec<u32> = mesh
+        .vertices
+        .iter()
+        .map(|vertex| {
+            let next = places.len() as u32;
+            let bits = (*vertex + 0.0).to_array().map(f32::to_bits);
+            *places.entry(bits).or_insert(next)
+        })
+        .collect();
+    let mut edges: Vec<(u32, u32)> = Vec::with_capacity(3 * mesh.triangles.len());
+    for triangle in mesh.triangles.iter() {
+        let [a, b, c] = triangle.map(|vertex| place_of[vertex as usize]);
+        edges.extend([(a, b), (b, c), (c, a)]);
+    }
+    edges.sort_unstable();
+    let is_once = edges.windows(2).all(|pair| pair[0] != pair[1]);
+    let has_twin = |&(from, to): &(u32, u32)| edges.binary_search(&(to, from)).is_ok();
+    is_once && edges.iter().all(has_twin)
+}
