@@ -7,6 +7,7 @@ from typing import Any
 
 import bmesh
 import bpy
+import numpy as np
 
 from .rows import table
 from .stage import Stage, add_node, give, matt, node_tree, output, shade
@@ -159,6 +160,22 @@ def glowing_ball(stage: Stage, strength: float) -> None:
     give(stage.ball, shade(material, "ShaderNodeEmission", Strength=strength))
 
 
+def glowing_windows(stage: Stage, count: int, side: float, height: float) -> None:
+    """One mesh of squares that shine down, in rows above the stage."""
+    lamp(stage, "POINT", energy=0.0)
+    rows = round(count**0.5)
+    around = 0.5 * side * np.array([(-1, 1), (1, 1), (1, -1), (-1, -1)])
+    middles = np.stack(np.meshgrid(*[np.arange(rows) - 0.5 * (rows - 1)] * 2), -1).reshape(-1, 1, 2)
+    flat = (around + middles * max(1.0, 12.0 / rows)).reshape(-1, 2)
+    vertices = np.column_stack([flat, np.full(len(flat), height)])
+    mesh: Any = bpy.data.meshes.new("Windows")
+    mesh.from_pydata(vertices.tolist(), [], np.arange(len(flat)).reshape(-1, 4).tolist())
+    windows = bpy.data.objects.new("Windows", mesh)
+    stage.scene.collection.objects.link(windows)
+    strength = 100.0 / (count * side * side)
+    give(windows, shade(bpy.data.materials.new("Glow"), "ShaderNodeEmission", Strength=strength))
+
+
 def portal(stage: Stage) -> None:
     """A room with a window, the portal in it."""
     stage.clear()
@@ -239,6 +256,8 @@ ROWS = table(
     ("100 lamps", many_lamps, {"count": 100, "radius": 0.05}),
     ("1024 lamps", many_lamps, {"count": 1024, "radius": 0.0}),
     ("glowing ball", glowing_ball, {"strength": 5.0}),
+    ("glowing ceiling", glowing_windows, {"count": 1, "side": 7.0, "height": 3.0}),
+    ("glowing windows, 400 in a mesh", glowing_windows, {"count": 400, "side": 0.1, "height": 2.5}),
     ("portal", portal),
 )  # fmt: skip
 

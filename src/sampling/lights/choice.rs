@@ -3,7 +3,7 @@
 //! Up to [`EVALUATED_MAX`] lights are weighed at every point. Of more, those with a place stand in a
 //! tree ([`EmitterTree`]), of which a few nodes are weighed in their stead.
 
-use super::tree::{EmitterTree, Extent};
+use super::tree::{EmitterTree, Extent, Guide};
 use super::{ALMOST_ONE, Emitter, Receiver, WEIGHT_MAX};
 
 /// Up to this many lights are weighed at every point. More cost more than a shadow ray.
@@ -13,28 +13,28 @@ pub(super) const EVALUATED_MAX: usize = 32;
 /// walk down begins, whose first steps know least.
 const CLUSTERS: usize = 16;
 
-/// What is weighed at every point.
-#[derive(Debug, Clone, Copy)]
-enum Entry {
-    Light(usize),
-    /// A node of the tree.
-    Cluster(u32),
-}
-
 /// Lights with a place.
 struct Placed {
     tree: EmitterTree,
     /// Each of the tree's lights, by its index among all.
     lights: Vec<u32>,
-    /// The other way round.
-    place_of: Vec<u32>,
+}
+
+/// Where a light is looked for.
+#[derive(Debug, Clone, Copy)]
+enum Entry {
+    /// Among those weighed at every point.
+    Alone(u32),
+    /// In the tree, by its number there.
+    Placed(u32),
 }
 
 /// The choice between a frame's lights.
 pub(super) struct Choice {
+    /// Lights that are weighed at every point, as the clusters of the tree are.
+    alone: Vec<u32>,
+    /// Of each light.
     entries: Vec<Entry>,
-    /// The entry of each light.
-    entry_of: Vec<u32>,
     placed: Option<Placed>,
 }
 
@@ -54,52 +54,61 @@ struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    fn irradiance(&self, index: usize) -> f32 {
+    fn irradiance(&self, index: u32) -> f32 {
         // At a lamp's very centre its irradiance has no bound.
-        self.lights[index].irradiance(self.receiver).min(WEIGHT_MAX)
+        self.lights[index as usize]
+            .irradiance(self.receiver)
+            .min(WEIGHT_MAX)
+    }
+}
+
+/// The same for the walk down the tree: lights are weighed by their own estimates.
+struct Down<'a> {
+    seen: &'a Seen<'a>,
+    placed: &'a Placed,
+}
+
+impl Guide for Down<'_> {
+    fn receiver(&self) -> &Receiver {
+        self.seen.receiver
+    }
+
+    fn irradiance(&self, light: u32) -> Option<f32> {
+        Some(self.seen.irradiance(self.placed.lights[light as usize]))
+    }
+
+    fn takes_parts(&self) -> bool {
+        false
     }
 }
 
 impl Choice {
     pub(super) fn new(lights: &[Box<dyn Emitter>]) -> Self {
         let extents: Vec<Option<Extent>> = lights.iter().map(|light| light.extent()).collect();
-        let is_placed = |&index: &usize| extents[index].is_some();
-        let placed: Vec<u32> = (0..lights.len())
-            .filter(is_placed)
-            .map(|index| index as u32)
-            .collect();
-        if lights.len() <= EVALUATED_MAX || placed.is_empty() {
+        let all = 0..lights.len() as u32;
+        let is_placed = |&index: &u32| extents[index as usize].is_some();
+        if lights.len() <= EVALUATED_MAX || !all.clone().any(|index| is_placed(&index)) {
             return Self {
-                entries: (0..lights.len()).map(Entry::Light).collect(),
-                entry_of: (0..lights.len() as u32).collect(),
+                entries: all.clone().map(Entry::Alone).collect(),
+                alone: all.collect(),
                 placed: None,
             };
         }
-        let far = (0..lights.len()).filter(|index| !is_placed(index));
-        let mut entries: Vec<Entry> = far.map(Entry::Light).collect();
-        let mut entry_of = vec![0; lights.len()];
-        for (at, entry) in entries.iter().enumerate() {
-            if let Entry::Light(index) = entry {
-                entry_of[*index] = at as u32;
-            }
+        let (placed, alone): (Vec<u32>, Vec<u32>) = all.partition(is_placed);
+        let mut entries = vec![Entry::Alone(0); lights.len()];
+        for (at, &index) in (0u32..).zip(&alone) {
+            entries[index as usize] = Entry::Alone(at);
         }
-        let in_tree: Vec<Extent> = extents.iter().copied().flatten().collect();
-        let tree = EmitterTree::new(&in_tree);
-        let clusters = tree.clusters(CLUSTERS);
-        let mut place_of = vec![0; lights.len()];
-        for (place, &index) in (0u32..).zip(&placed) {
-            place_of[index as usize] = place;
-            let cluster = tree.cluster_of(place, &clusters);
-            entry_of[index as usize] = (entries.len() + cluster) as u32;
+        for (at, &index) in (0u32..).zip(&placed) {
+            entries[index as usize] = Entry::Placed(at);
         }
-        entries.extend(clusters.into_iter().map(Entry::Cluster));
+        let in_tree: Vec<Extent> = extents.into_iter().flatten().collect();
         Self {
+            alone,
             entries,
-            entry_of,
             placed: Some(Placed {
-                tree,
+                tree: EmitterTree::new(&in_tree, CLUSTERS),
                 lights: placed,
-                place_of,
             }),
         }
     }
@@ -134,22 +143,20 @@ impl Choice {
             rest -= weight;
         }
         let (at, probability, u) = chosen?;
-        match (self.entries[at], &self.placed) {
-            (Entry::Light(index), _) => Some(Chosen {
-                index,
+        if let Some(&index) = self.alone.get(at) {
+            return Some(Chosen {
+                index: index as usize,
                 probability,
                 u,
-            }),
-            (Entry::Cluster(node), Some(placed)) => {
-                let (index, below) = placed.sample(node, &seen, u)?;
-                Some(Chosen {
-                    index,
-                    probability: probability * below,
-                    u: inside,
-                })
-            }
-            _ => None,
+            });
         }
+        let placed = self.placed.as_ref()?;
+        let (index, below) = placed.sample(at - self.alone.len(), &seen, u)?;
+        Some(Chosen {
+            index,
+            probability: probability * below,
+            u: inside,
+        })
     }
 
     /// The probability with which [`Choice::choose`] finds a light that is among those to choose
@@ -165,14 +172,16 @@ impl Choice {
         let (mut few, mut many) = ([0.0; EVALUATED_MAX], Vec::new());
         let weights = self.buffer(&mut few, &mut many);
         let total = self.weigh(&seen, is_among, weights);
-        let at = self.entry_of[index] as usize;
         if !(total > 0.0) {
             return 0.0;
         }
-        let probability = weights[at] / total;
-        match (self.entries[at], &self.placed) {
-            (Entry::Cluster(node), Some(placed)) => probability * placed.pmf(node, &seen, index),
-            _ => probability,
+        match (self.entries[index], &self.placed) {
+            (Entry::Placed(light), Some(placed)) => {
+                let cluster = placed.tree.cluster_of(light);
+                let probability = weights[self.alone.len() + cluster] / total;
+                probability * placed.pmf(cluster, &seen, light)
+            }
+            (Entry::Alone(at) | Entry::Placed(at), _) => weights[at as usize] / total,
         }
     }
 
@@ -182,7 +191,11 @@ impl Choice {
         few: &'a mut [f32; EVALUATED_MAX],
         many: &'a mut Vec<f32>,
     ) -> &'a mut [f32] {
-        let count = self.entries.len();
+        let clusters = self
+            .placed
+            .as_ref()
+            .map_or(0, |placed| placed.tree.clusters());
+        let count = self.alone.len() + clusters;
         if count <= EVALUATED_MAX {
             return &mut few[..count];
         }
@@ -190,36 +203,35 @@ impl Choice {
         many
     }
 
-    /// Weighs every entry and returns the sum.
+    /// Weighs the lights that stand alone, then the clusters, and returns the sum.
     fn weigh(&self, seen: &Seen, is_among: impl Fn(usize) -> bool, weights: &mut [f32]) -> f32 {
-        let mut total = 0.0;
-        for (weight, entry) in weights.iter_mut().zip(&self.entries) {
-            *weight = match (*entry, &self.placed) {
-                (Entry::Light(index), _) if is_among(index) => seen.irradiance(index),
-                (Entry::Cluster(node), Some(placed)) => placed.irradiance(node, seen),
-                _ => continue,
-            };
-            total += *weight;
+        let (alone, clusters) = weights.split_at_mut(self.alone.len());
+        for (weight, &index) in alone.iter_mut().zip(&self.alone) {
+            if is_among(index as usize) {
+                *weight = seen.irradiance(index);
+            }
         }
-        total
+        if let Some(placed) = &self.placed {
+            let down = Down { seen, placed };
+            placed.tree.weigh_clusters(&down, clusters);
+        }
+        weights.iter().sum()
     }
 }
 
 impl Placed {
-    fn irradiance(&self, node: u32, seen: &Seen) -> f32 {
-        let of_light = |light: u32| seen.irradiance(self.lights[light as usize] as usize);
-        self.tree.irradiance(node, seen.receiver, &of_light)
+    fn sample(&self, cluster: usize, seen: &Seen, u: f32) -> Option<(usize, f32)> {
+        let down = Down { seen, placed: self };
+        let part = self.tree.sample(cluster, &down, u)?;
+        let light = self.tree.order()[part.places.start];
+        Some((self.lights[light as usize] as usize, part.probability))
     }
 
-    fn sample(&self, node: u32, seen: &Seen, u: f32) -> Option<(usize, f32)> {
-        let of_light = |light: u32| seen.irradiance(self.lights[light as usize] as usize);
-        let (light, pmf) = self.tree.sample(node, seen.receiver, &of_light, u)?;
-        Some((self.lights[light as usize] as usize, pmf))
-    }
-
-    fn pmf(&self, node: u32, seen: &Seen, index: usize) -> f32 {
-        let of_light = |light: u32| seen.irradiance(self.lights[light as usize] as usize);
-        let light = self.place_of[index];
-        self.tree.pmf(light, node, seen.receiver, &of_light)
+    fn pmf(&self, cluster: usize, seen: &Seen, light: u32) -> f32 {
+        let down = Down { seen, placed: self };
+        let part = self
+            .tree
+            .part_with(cluster, &down, self.tree.place_of(light));
+        part.map_or(0.0, |part| part.probability)
     }
 }

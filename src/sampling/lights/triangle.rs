@@ -54,9 +54,11 @@ impl SphericalTriangle {
             a.dot(b.cross(c)).abs() / scale,
             beside_b.dot(beside_c) / scale,
         );
-        let alpha = sin_alpha.atan2(cos_alpha);
-        // The part of the triangle up to a point on the side from `a` to `c` has `u` of the whole.
-        let (s, t) = (u * self.solid_angle - alpha).sin_cos();
+        // The part of the triangle up to a point on the side from `a` to `c` has `u` of the whole; sine and
+        // cosine are those of its solid angle without that angle.
+        let (sin, cos) = (u * self.solid_angle).sin_cos();
+        let s = sin * cos_alpha - cos * sin_alpha;
+        let t = cos * cos_alpha + sin * sin_alpha;
         let p = t - cos_alpha;
         let q = s + sin_alpha * a.dot(b);
         let cos = ((q * t - p * s) * cos_alpha - q) / ((q * s + p * t) * sin_alpha);

@@ -8,10 +8,30 @@ use glam::Vec3A;
 use super::facet::Facet;
 use crate::sampling::discrete::Discrete;
 use crate::sampling::lights::Receiver;
-use crate::sampling::lights::tree::{EmitterTree, Extent, NormalCone, Part};
+use crate::sampling::lights::tree::{EmitterTree, Extent, Guide, NormalCone, Part};
 
 /// More triangles than this stand in the tree by groups that follow each other in the mesh.
 const LEAVES_MAX: usize = 1 << 14;
+
+/// One node of the tree.
+const CLUSTERS: usize = 4;
+
+/// Triangles are weighed by their bounds, and not at all against those that look alike.
+struct Bounds<'a>(&'a Receiver);
+
+impl Guide for Bounds<'_> {
+    fn receiver(&self) -> &Receiver {
+        self.0
+    }
+
+    fn irradiance(&self, _light: u32) -> Option<f32> {
+        None
+    }
+
+    fn takes_parts(&self) -> bool {
+        true
+    }
+}
 
 /// By power, or where they are known ahead by place as well.
 pub struct FacetChoice {
@@ -62,7 +82,7 @@ impl FacetChoice {
             let (index, pmf, _) = self.by_power.sample(u);
             return Some((index, pmf));
         };
-        let part = by_place.tree.part(receiver, u)?;
+        let part = by_place.tree.draw(&Bounds(receiver), u)?;
         let places = by_place.places(&part);
         let (place, pmf) = self.by_power.sample_among(places, part.u)?;
         Some((by_place.facets[place] as usize, part.probability * pmf))
@@ -78,12 +98,10 @@ impl FacetChoice {
             .starts
             .partition_point(|&start| start as usize <= place)
             - 1;
-        by_place
-            .tree
-            .part_with(group, receiver)
-            .map_or(0.0, |part| {
-                part.probability * self.by_power.pmf_among(by_place.places(&part), place)
-            })
+        let part = by_place.tree.drawn_with(&Bounds(receiver), group);
+        part.map_or(0.0, |part| {
+            part.probability * self.by_power.pmf_among(by_place.places(&part), place)
+        })
     }
 }
 
@@ -92,7 +110,7 @@ impl ByPlace {
         let size = facets.len().div_ceil(LEAVES_MAX);
         let groups = facets.chunks(size).zip(powers.chunks(size));
         let extents: Vec<Extent> = groups.map(|(f, p)| extent_of(f, p, sides)).collect();
-        let tree = EmitterTree::new(&extents);
+        let tree = EmitterTree::new(&extents, CLUSTERS);
         let mut by_place = Self {
             starts: vec![0],
             facets: Vec::with_capacity(facets.len()),

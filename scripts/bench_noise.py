@@ -1,7 +1,8 @@
-"""Noise and time of lights in fog beside Cycles: python scripts/bench_fog.py [--samples 512].
+"""Noise and time beside Cycles: python scripts/bench_noise.py WORD... [--samples 128].
 
-The scenes are rows of tests/parity. Noise is the variance of a pixel over that of Cycles at as many
-samples, from two renders each; seconds are those of whole renders, in turns, export included.
+The scenes are the rows of tests/parity whose names hold all of the words. Noise is the variance of
+a pixel over that of Cycles at as many samples, from two renders each; seconds are those of whole
+renders, in turns, export included.
 """
 
 from __future__ import annotations
@@ -16,12 +17,11 @@ from local_addon import load, registered
 
 load()
 
-from tests.parity import judge, volumes  # noqa: E402
+from tests.parity import judge  # noqa: E402
+from tests.parity.catalogue import ROWS  # noqa: E402
 from tests.parity.rows import Row  # noqa: E402
 
 from dualcone.chart.cycles import silent  # noqa: E402 (bpy sets the path up)
-
-GROUP = " alone"
 
 
 def timed(shoot: Callable[[int], judge.Picture]) -> tuple[float, float, float]:
@@ -42,17 +42,19 @@ def line(row: Row, samples: int) -> str:
         theirs = timed(lambda seed: judge.cycles(scene, samples, seed))
         ours = timed(lambda seed: judge.ours(scene, "PATH", samples, seed))
     energy, variance, seconds = np.divide(ours, theirs)
-    return f"| {row.name} | {energy:.3f} | {variance:.2f} | {seconds:.2f} |"
+    return f"| {row.group}: {row.name} | {energy:.3f} | {variance:.2f} | {seconds:.2f} |"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--samples", type=int, default=512)
-    samples = parser.parse_args().samples
+    parser.add_argument("words", nargs="*")
+    parser.add_argument("--samples", type=int, default=128)
+    given = parser.parse_args()
     print("| Scene | Energy | Variance | Seconds |")
     print("|---|---|---|---|")
-    for row in (row for row in volumes.ROWS if row.name.endswith(GROUP)):
-        print(line(row, samples), flush=True)
+    for row in ROWS:
+        if all(word in f"{row.group}: {row.name}" for word in given.words):
+            print(line(row, given.samples), flush=True)
 
 
 if __name__ == "__main__":
