@@ -290,19 +290,26 @@ impl Flight {
         light.filter(|light| light.is_finite()).sum()
     }
 
+    /// Probability of a flight of each channel to get to this distance: flights end by scattering alone, so that
+    /// absorption is a factor and no chance.
+    fn reaching(&self, t: f32) -> Vec3A {
+        let spans = self.spans.iter().take_while(|span| span.start < t);
+        let depths = spans.map(|s| depth(s.medium.scattering, s.end.min(t) - s.start));
+        (-depths.sum::<Vec3A>()).exp()
+    }
+
     /// Draws where the ray is scattered before it ends at `end`, and remembers it.
     fn collide(&mut self, end: f32, u_channel: f32, u: f32) -> Option<Collision> {
         let channel = ((3.0 * u_channel) as usize).min(2);
         let mut rest = -(1.0 - u).ln();
         for span in &self.spans {
-            let extinction = span.medium.extinction();
-            let here = depth(extinction, span.end.min(end) - span.start)[channel];
+            let scattering = span.medium.scattering;
+            let here = depth(scattering, span.end.min(end) - span.start)[channel];
             if rest < here {
-                let t = span.start + rest / extinction[channel];
-                let passed = self.transmittance(t);
-                let density = (extinction * passed).element_sum() / 3.0;
+                let t = span.start + rest / scattering[channel];
+                let density = (scattering * self.reaching(t)).element_sum() / 3.0;
                 let (weight, anisotropy) = (
-                    span.medium.scattering * passed / density,
+                    scattering * self.transmittance(t) / density,
                     span.medium.anisotropy,
                 );
                 self.end = t;
@@ -329,10 +336,9 @@ impl Flight {
         if t > self.end {
             return Vec3A::ZERO;
         }
-        let passed = self.transmittance(t);
-        let probability = passed.element_sum() / 3.0;
+        let probability = self.reaching(t).element_sum() / 3.0;
         if probability > 0.0 {
-            passed / probability
+            self.transmittance(t) / probability
         } else {
             Vec3A::ZERO
         }

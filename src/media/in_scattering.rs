@@ -107,7 +107,7 @@ impl Flight {
             weight,
             anisotropy: span.medium.anisotropy,
         };
-        let odds = pdf_of_flight(span, passed) / pdf;
+        let odds = pdf_of_flight(span, self.reaching(t)) / pdf;
         weight.is_finite().then_some((collision, odds))
     }
 
@@ -120,7 +120,7 @@ impl Flight {
         };
         let passed = self.transmittance(t);
         let fans = Fan::of(ray, lamps, range);
-        pdf_of_flight(span, passed) / self.pdf_of_scatter(&fans, t, span, passed)
+        pdf_of_flight(span, self.reaching(t)) / self.pdf_of_scatter(&fans, t, span, passed)
     }
 
     /// Density [1/m] of [`Flight::scatter`].
@@ -178,9 +178,9 @@ impl Flight {
     }
 }
 
-/// Density [1/m] of free flights to end at a point of a span that light leaves with this share.
-fn pdf_of_flight(span: &Span, passed: Vec3A) -> f32 {
-    (span.medium.extinction() * passed).element_sum() / 3.0
+/// Density [1/m] of free flights to end at a point of a span that those of each channel reach so often.
+fn pdf_of_flight(span: &Span, reaching: Vec3A) -> f32 {
+    (span.medium.scattering * reaching).element_sum() / 3.0
 }
 
 impl Span {

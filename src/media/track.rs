@@ -26,8 +26,8 @@ const GOES_ON: f32 = 0.25;
 pub struct Mark {
     t: f32,
     carried: Carried,
-    /// What it loses from there to the next mark by Beer's law [1/m].
-    extinction: Vec3A,
+    /// What it goes through from there to the next mark.
+    medium: Medium,
 }
 
 /// Share of the light over the probability of getting here, and that probability for a flight of each
@@ -61,9 +61,11 @@ impl Carried {
         }
     }
 
-    fn through(self, extinction: Vec3A, length: f32) -> Self {
-        let passed = (-depth(extinction, length)).exp();
-        self.after(passed, passed)
+    /// After going through an even medium without being scattered.
+    fn through(self, medium: &Medium, length: f32) -> Self {
+        let [passed, unscattered] =
+            [medium.extinction(), medium.scattering].map(|loss| (-depth(loss, length)).exp());
+        self.after(passed, unscattered)
     }
 }
 
@@ -155,7 +157,7 @@ impl Flight {
         let spans = std::mem::take(&mut self.spans);
         let mut collision = None;
         for span in spans.iter().take_while(|span| span.start < end) {
-            self.mark(span.start, carried, Vec3A::ZERO);
+            self.mark(span.start, carried, Medium::default());
             collision = match span.uneven.is_empty() {
                 true => self.pass(span, end, channel, &mut carried, &mut rest),
                 false => {
@@ -171,16 +173,12 @@ impl Flight {
         }
         self.spans = spans;
         self.end = collision.map_or(f32::INFINITY, |collision| collision.t);
-        self.mark(end, carried, Vec3A::ZERO);
+        self.mark(end, carried, Medium::default());
         collision
     }
 
-    fn mark(&mut self, t: f32, carried: Carried, extinction: Vec3A) {
-        self.marks.push(Mark {
-            t,
-            carried,
-            extinction,
-        });
+    fn mark(&mut self, t: f32, carried: Carried, medium: Medium) {
+        self.marks.push(Mark { t, carried, medium });
     }
 
     /// Through an even span.
@@ -192,25 +190,25 @@ impl Flight {
         carried: &mut Carried,
         rest: &mut f32,
     ) -> Option<Collision> {
-        let (extinction, length) = (span.medium.extinction(), span.end.min(end) - span.start);
-        self.mark(span.start, *carried, extinction);
+        let (scattering, length) = (span.medium.scattering, span.end.min(end) - span.start);
+        self.mark(span.start, *carried, span.medium);
         let glow = glow_of(carried.share, &span.medium, length);
         // Without emission an endless way through nothing is no number.
         if glow.is_finite() {
             self.glow += glow;
         }
-        let here = depth(extinction, length)[channel];
+        let here = depth(scattering, length)[channel];
         if *rest < here {
-            let way = *rest / extinction[channel];
-            let there = carried.through(extinction, way);
+            let way = *rest / scattering[channel];
+            let there = carried.through(&span.medium, way);
             return Some(Collision {
                 t: span.start + way,
-                weight: there.after(span.medium.scattering, extinction).share,
+                weight: there.after(scattering, scattering).share,
                 anisotropy: span.medium.anisotropy,
             });
         }
         *rest -= here.max(0.0);
-        *carried = carried.through(extinction, length);
+        *carried = carried.through(&span.medium, length);
         None
     }
 
@@ -247,7 +245,7 @@ impl Flight {
                 });
             };
             carried.share = share;
-            self.mark(steps.t, *carried, Vec3A::ZERO);
+            self.mark(steps.t, *carried, Medium::default());
         }
         None
     }
@@ -260,7 +258,7 @@ impl Flight {
         let last = self.marks.iter().rposition(|mark| mark.t <= t);
         let last = last.and_then(|last| self.marks.get(last));
         last.map_or(Vec3A::ONE, |mark| {
-            mark.carried.through(mark.extinction, t - mark.t).share
+            mark.carried.through(&mark.medium, t - mark.t).share
         })
     }
 
