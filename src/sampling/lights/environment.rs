@@ -4,7 +4,8 @@
 //! own, so that a point in its shadow does not waste its samples on it, and so that light that
 //! must not be borrowed (method, section 3) can be told from light that may.
 
-use std::collections::VecDeque;
+mod sun_table;
+
 use std::f32::consts::PI;
 use std::sync::Arc;
 
@@ -13,23 +14,14 @@ use glam::{Mat3A, Vec3A};
 use super::table::{CellTable, Grid};
 use super::{Emitter, LightClass, LightSample, Receiver};
 use crate::math::luminance;
-use crate::sampling::discrete::Discrete;
 use crate::scene::{Image, Reach, World};
+use sun_table::SunTable;
 
 /// Columns of the sky's grid at most: its tables stay in the fastest caches, and a finer grid lowers
 /// the noise hardly further once the sun is apart.
 const SKY_WIDTH: usize = 128;
 /// Columns of the grid in which the sun is sought: a fifth of its disk for each cell.
 const SUN_WIDTH: usize = 4096;
-/// A sun's cells are at least this share of the brightest cell: its glow in hazy air is sky.
-const SUN_EDGE: f32 = 1.0 / 64.0;
-/// ... and this many times the mean of the whole image: what is dimmer needs no light of its own.
-const SUN_CONTRAST: f32 = 16.0;
-/// A sun is no larger than this [sr], a disk 6.5 degrees wide: larger ones cast soft shadows.
-const SUN_SOLID_ANGLE: f32 = 0.01;
-/// A sun gives at least this share of all light; below, it is not worth its samples.
-const SUN_SHARE: f32 = 0.01;
-
 /// What an image says about where light comes from; made once and shared by frames.
 #[derive(Debug)]
 pub(super) struct ImageTables {
@@ -40,21 +32,6 @@ pub(super) struct ImageTables {
     sky_mean: f32,
 }
 
-/// The sun's cells.
-#[derive(Debug)]
-struct SunTable {
-    grid: Grid,
-    /// In rising order.
-    cells: Vec<u32>,
-    choice: Discrete,
-    /// Towards the middle of its light.
-    direction: Vec3A,
-    /// Cosine of a cone around `direction` that holds all cells: most directions need no search.
-    least_cosine: f32,
-    /// Luminance times solid angle: what a facing plane receives.
-    irradiance: f32,
-}
-
 impl ImageTables {
     pub(super) fn new(image: &Arc<Image>) -> Self {
         let (width, height) = image.size();
@@ -63,13 +40,13 @@ impl ImageTables {
         // The sun's cells divide those of the sky, so that the two share the sphere exactly.
         let division = (width.min(SUN_WIDTH) / sky_grid.width).min(height / sky_grid.height);
         let fine = Cells::of_image(image, sky_grid.finer(division));
-        let sun = SunTable::find(&fine, division);
+        let sun = SunTable::find(image, &fine, division);
         let mut sky = vec![0.0; sky_grid.cells()];
         for (cell, energy) in fine.energies.iter().enumerate() {
             sky[fine.grid.parent(cell, division)] += energy;
         }
-        for &cell in sun.iter().flat_map(|sun| &sun.cells) {
-            sky[fine.grid.parent(cell as usize, division)] = 0.0;
+        for &cell in sun.iter().flat_map(SunTable::sky_cells) {
+            sky[cell] = 0.0;
         }
         let sky_energy: f64 = sky.iter().copied().map(f64::from).sum();
         Self {
@@ -127,124 +104,6 @@ impl Cells {
             luminances,
         }
     }
-}
-
-impl SunTable {
-    /// The image's sun, if it has one, filled up to whole cells of the sky's grid, of which each
-    /// holds `division` x `division` of these cells.
-    fn find(fine: &Cells, division: usize) -> Option<Self> {
-        let Cells {
-            grid,
-            luminances,
-            energies,
-        } = fine;
-        let total: f64 = energies.iter().copied().map(f64::from).sum();
-        let mean = total as f32 / (4.0 * PI);
-        let (peak, &brightest) = luminances
-            .iter()
-            .enumerate()
-            .max_by(|a, b| a.1.total_cmp(b.1))?;
-        let threshold = (SUN_EDGE * brightest).max(SUN_CONTRAST * mean);
-        if !(brightest > threshold) {
-            return None;
-        }
-        let region = grown_region(*grid, peak, |cell| luminances[cell] > threshold)?;
-        let cells = filled_up(*grid, &region, division);
-        let energy = |cell: &u32| energies[*cell as usize];
-        let irradiance: f32 = cells.iter().map(energy).sum();
-        let toward = |cell: &u32| energy(cell) * grid.direction(*cell as usize, [0.5, 0.5]);
-        (f64::from(irradiance) > f64::from(SUN_SHARE) * total).then_some(())?;
-        let direction = cells.iter().map(toward).sum::<Vec3A>();
-        let direction = direction.normalize_or(Vec3A::Z);
-        Some(Self {
-            grid: *grid,
-            choice: Discrete::new(cells.iter().map(energy))?,
-            direction,
-            least_cosine: least_cosine(*grid, &cells, direction),
-            irradiance,
-            cells,
-        })
-    }
-
-    fn sample(&self, u_choice: f32, u: [f32; 2]) -> (Vec3A, f32) {
-        let (index, pmf, _) = self.choice.sample(u_choice);
-        let cell = self.cells[index] as usize;
-        let density = pmf / self.grid.solid_angle(cell / self.grid.width);
-        (self.grid.direction(cell, u), density)
-    }
-
-    fn pdf(&self, direction: Vec3A) -> f32 {
-        if direction.dot(self.direction) < self.least_cosine {
-            return 0.0;
-        }
-        let cell = self.grid.cell(direction);
-        let found = self.cells.binary_search(&(cell as u32));
-        found.map_or(0.0, |index| {
-            self.choice.pmf(index) / self.grid.solid_angle(cell / self.grid.width)
-        })
-    }
-}
-
-/// Cosine of a cone around `direction` that holds these cells.
-fn least_cosine(grid: Grid, cells: &[u32], direction: Vec3A) -> f32 {
-    let middle = |cell: &u32| grid.direction(*cell as usize, [0.5, 0.5]);
-    let cosines = cells.iter().map(|cell| middle(cell).dot(direction));
-    let farthest = cosines.fold(1.0, f32::min).max(-1.0).acos();
-    // No point of a cell is farther from its middle than a cell is high and wide.
-    (farthest + PI / grid.height as f32 + PI / grid.width as f32)
-        .min(PI)
-        .cos()
-}
-
-/// The cells that hang together with `start` and are bright, and a rim of one cell, which takes up
-/// what the filter spreads; in rising order. `None` where the bright ones exceed
-/// [`SUN_SOLID_ANGLE`].
-fn grown_region(grid: Grid, start: usize, bright: impl Fn(usize) -> bool) -> Option<Vec<u32>> {
-    let mut region = std::collections::BTreeSet::from([start as u32]);
-    let mut queue = VecDeque::from([start]);
-    let mut solid_angle = 0.0;
-    while let Some(cell) = queue.pop_front() {
-        solid_angle += grid.solid_angle(cell / grid.width);
-        if solid_angle > SUN_SOLID_ANGLE {
-            return None;
-        }
-        for neighbour in neighbours(grid, cell) {
-            if region.insert(neighbour as u32) && bright(neighbour) {
-                queue.push_back(neighbour);
-            }
-        }
-    }
-    Some(region.into_iter().collect())
-}
-
-/// All cells of the coarser cells that a region touches, in rising order.
-fn filled_up(grid: Grid, region: &[u32], division: usize) -> Vec<u32> {
-    let parents = region
-        .iter()
-        .map(|&cell| grid.parent(cell as usize, division));
-    let mut parents: Vec<usize> = parents.collect();
-    parents.sort_unstable();
-    parents.dedup();
-    let columns = grid.width / division;
-    let mut cells: Vec<u32> = parents
-        .into_iter()
-        .flat_map(|parent| {
-            let corner = parent / columns * division * grid.width + parent % columns * division;
-            (0..division * division)
-                .map(move |i| (corner + i / division * grid.width + i % division) as u32)
-        })
-        .collect();
-    cells.sort_unstable();
-    cells
-}
-
-/// The up to eight neighbours of a cell; columns wrap around.
-fn neighbours(grid: Grid, cell: usize) -> impl Iterator<Item = usize> {
-    let (row, column) = (cell / grid.width, cell % grid.width);
-    let rows = row.saturating_sub(1)..=(row + 1).min(grid.height - 1);
-    rows.flat_map(move |row| {
-        [grid.width - 1, 0, 1].map(|shift| row * grid.width + (column + shift) % grid.width)
-    })
 }
 
 /// Directions of the world and of the image, and how densities change between them.
@@ -426,7 +285,7 @@ impl Emitter for ImageSun {
     }
 
     fn sample(&self, _: &Receiver, u_choice: f32, u: [f32; 2]) -> Option<LightSample> {
-        let (direction, pdf) = self.tables.sun.as_ref()?.sample(u_choice, u);
+        let (direction, pdf) = self.tables.sun.as_ref()?.sample(u_choice, u)?;
         let direction = self.mapping.world(direction);
         let pdf = pdf * self.mapping.environment(direction).1;
         distant(direction, pdf, LightClass::Sun)
