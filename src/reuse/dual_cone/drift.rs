@@ -23,8 +23,10 @@ use rayon::prelude::*;
 use super::veto::Lending;
 use crate::film::Region;
 
-/// Iterations before the first decision: fewer say little, and borrow too little where they err.
-const DECIDE_FROM: u32 = 32;
+/// Iterations before the first decision: fewer say little.
+const DECIDE_FROM: u32 = 8;
+/// Fewer iterations than these must say it more clearly: where they err, too little is borrowed.
+const SURE: u32 = 32;
 /// Squared mean of D over its variance where borrowing ends. 1.5 would be best were both known; where
 /// nothing drifts, 25 pixels exceed that six times as often as this.
 const END: f32 = 2.5;
@@ -69,10 +71,11 @@ impl Drift {
     /// By how much the squared mean of D exceeds the limit in each pixel.
     fn excesses(&self, iterations: u32) -> Vec<f32> {
         let half = (iterations / 2) as f32;
+        let end = END * (SURE as f32 / iterations as f32).sqrt().max(1.0);
         let excess = |(&sum, &first): (&f32, &f32)| {
             let mean = sum / (2.0 * half);
             let error = 0.5 * (first - (sum - first)) / half;
-            mean * mean - END * error * error
+            mean * mean - end * error * error
         };
         self.sums.iter().zip(&self.first_half).map(excess).collect()
     }
