@@ -8,7 +8,7 @@ mod shutter;
 
 pub use bsdf::{
     ALPHA_MIN, Brushed, Bsdf, BsdfSample, Gloss, Guides, Hair, LobePdfs, LobeValues, Part,
-    Principled, alpha_of, sample_scattered,
+    Principled, alpha_of, pdf_scattered, sample_scattered,
 };
 pub use lights::{
     LightBall, LightClass, LightHit, LightSample, LightSampler, Receiver, Strategy,

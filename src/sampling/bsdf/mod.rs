@@ -40,7 +40,7 @@ use lobe::{Lobe, Model};
 pub use microfacet::ALPHA_MIN;
 use microfacet::{Glass, Interface, Reflection};
 use phase::Phase;
-pub use phase::sample_scattered;
+pub use phase::{pdf_scattered, sample_scattered};
 pub use principled::{Brushed, Principled};
 use streak::Streak;
 use toon::Toon;

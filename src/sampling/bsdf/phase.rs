@@ -38,6 +38,11 @@ pub fn sample_scattered(before: Vec3A, anisotropy: f32, [u, turn]: [f32; 2]) -> 
         .normalize()
 }
 
+/// Density [1/sr] with which [`sample_scattered`] finds a direction.
+pub fn pdf_scattered(before: Vec3A, anisotropy: f32, after: Vec3A) -> f32 {
+    pdf_cosine(anisotropy, before.dot(after))
+}
+
 /// Density [1/sr] of a cosine.
 fn pdf_cosine(anisotropy: f32, cos: f32) -> f32 {
     let g = anisotropy;
