@@ -65,28 +65,53 @@ pub struct ScatterUse {
     pub roulette: f32,
 }
 
-/// Numbers for a walk: the first four are well distributed, the others plain random ones.
+/// Numbers for a walk: the first [`WELL_DISTRIBUTED`] are points of the sequence, four at a time, the others
+/// plain random ones.
 #[derive(Debug, Clone)]
 pub struct Walk {
-    first: [f32; 4],
+    point: [f32; 4],
+    /// Of the sequence.
+    index: u32,
+    set: u32,
     seed: u32,
     count: u32,
 }
+
+/// The first steps of a walk decide most; later ones are too many for their stratification to show.
+const WELL_DISTRIBUTED: u32 = 32;
 
 impl Walk {
     /// The next number, from 0 to below 1.
     #[allow(clippy::should_implement_trait, reason = "it never ends")]
     pub fn next(&mut self) -> f32 {
+        let index = self.count;
+        if index.is_multiple_of(4) && index > 0 {
+            self.point = self.fresh(index);
+        }
+        self.count += 1;
+        self.point[index as usize % 4]
+    }
+
+    /// The next four numbers that belong together: what is left of four is skipped.
+    pub fn next_point(&mut self) -> [f32; 4] {
+        let index = self.count.next_multiple_of(4);
+        if index > 0 {
+            self.point = self.fresh(index);
+        }
+        self.count = index + 4;
+        self.point
+    }
+
+    fn fresh(&self, index: u32) -> [f32; 4] {
         /// The bits that a float holds.
         const UNIT: f32 = 1.0 / (1 << 24) as f32;
-        let index = self.count;
-        self.count += 1;
-        match self.first.get(index as usize) {
-            Some(&number) => number,
-            None => {
-                (mix(self.seed.wrapping_add(index.wrapping_mul(0x9e37_79b9))) >> 8) as f32 * UNIT
-            }
+        if index < WELL_DISTRIBUTED {
+            return point_4d(self.index, mix(self.set ^ index));
         }
+        std::array::from_fn(|k| {
+            let place = (index + k as u32).wrapping_mul(0x9e37_79b9);
+            (mix(self.seed.wrapping_add(place)) >> 8) as f32 * UNIT
+        })
     }
 }
 
@@ -195,7 +220,9 @@ impl Sampler {
 
     fn numbers(&self, vertex: u32, purpose: Use, words: [u32; 2]) -> Walk {
         Walk {
-            first: self.point(vertex, purpose),
+            point: self.point(vertex, purpose),
+            index: self.index,
+            set: self.seed_of(vertex, purpose),
             seed: words
                 .into_iter()
                 .fold(mix(self.seed), |hash, word| mix(hash ^ word)),
@@ -217,8 +244,12 @@ impl Sampler {
     }
 
     fn point(&self, vertex: u32, purpose: Use) -> [f32; 4] {
+        point_4d(self.index, self.seed_of(vertex, purpose))
+    }
+
+    fn seed_of(&self, vertex: u32, purpose: Use) -> u32 {
         let set = vertex.wrapping_mul(USES_PER_VERTEX) + purpose as u32;
-        point_4d(self.index, mix(self.seed ^ set.wrapping_mul(0x9e37_79b9)))
+        mix(self.seed ^ set.wrapping_mul(0x9e37_79b9))
     }
 }
 

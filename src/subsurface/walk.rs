@@ -64,12 +64,15 @@ struct Guide {
     /// Out of the half space.
     normal: Vec3A,
     /// How deep light gets, in free paths: above one.
-    depth: Vec3A,
-    /// Makes the density of the cosine's logarithm one.
-    log_ratio: Vec3A,
+    depth: f32,
+    /// Logarithm of `(depth + 1) / (depth - 1)`.
+    log_ratio: f32,
     /// Share of the steps that are guided.
     share: f32,
 }
+
+/// Share of the steps that the medium alone decides, at least.
+const LEAST_UNGUIDED: f32 = 0.5;
 
 impl Guide {
     /// For a medium of this albedo; forward scattering leads away from the surface, and is less guided, as in
@@ -81,18 +84,18 @@ impl Guide {
             let exponent = 2.442_94 - 0.021_581_3 * albedo + 0.578_637 / albedo;
             (1.0 - albedo.powf(exponent)).sqrt().recip().max(1.0 + 1e-4)
         }
-        let depth = albedo.map(depth);
+        // That of the brightest channel: too short a depth makes fireflies, too great a one a little noise.
+        let depth = depth(albedo.max_element());
         Self {
             normal,
             depth,
             log_ratio: ((depth + 1.0) / (depth - 1.0)).ln(),
-            share: 1.0 - anisotropy.abs().powf(0.125).max(0.5),
+            share: 1.0 - anisotropy.abs().powf(0.125).max(LEAST_UNGUIDED),
         }
     }
 
-    fn sample(&self, channel: usize, [u, turn]: [f32; 2]) -> Vec3A {
-        let depth = self.depth[channel];
-        let cos = depth - (depth + 1.0) * (-u * self.log_ratio[channel]).exp();
+    fn sample(&self, [u, turn]: [f32; 2]) -> Vec3A {
+        let cos = self.depth - (self.depth + 1.0) * (-u * self.log_ratio).exp();
         let cos = cos.clamp(-1.0, 1.0);
         let (y, x) = (TAU * turn).sin_cos();
         let ring = (1.0 - cos * cos).max(0.0).sqrt();
@@ -102,13 +105,13 @@ impl Guide {
             .normalize()
     }
 
-    /// Density [1/sr] of directions with this cosine to the normal, by channel.
-    fn pdf(&self, cos: f32) -> Vec3A {
+    /// Density [1/sr] of directions with this cosine to the normal.
+    fn pdf(&self, cos: f32) -> f32 {
         1.0 / (TAU * self.log_ratio * (self.depth - cos))
     }
 
     /// By how much extinction seems less or more in such directions.
-    fn stretch(&self, cos: f32) -> Vec3A {
+    fn stretch(&self, cos: f32) -> f32 {
         1.0 - cos / self.depth
     }
 }
@@ -119,6 +122,21 @@ struct Step {
     /// Of the phase function [1/sr].
     phase: f32,
     is_guided: bool,
+}
+
+impl Step {
+    /// From where a ray came in this direction; the medium decides where none guides.
+    fn new(before: Vec3A, anisotropy: f32, guide: Option<&Guide>, u: [f32; 2]) -> Self {
+        let direction = match guide {
+            Some(guide) => guide.sample(u),
+            None => sample_scattered(before, anisotropy, u),
+        };
+        Self {
+            direction,
+            phase: pdf_scattered(before, anisotropy, direction),
+            is_guided: guide.is_some(),
+        }
+    }
 }
 
 /// For each of six parameters of the fit the coefficients of a polynomial in the anisotropy. Of the
@@ -273,7 +291,8 @@ impl Subsurface {
     /// The direction in which a walk begins; none where the interface has none.
     fn entry(&self, numbers: &mut Walk) -> Option<Vec3A> {
         let frame = Frame::from_normal(self.normal);
-        let (choice, u) = (numbers.next(), [numbers.next(), numbers.next()]);
+        let [x, y, choice, _] = numbers.next_point();
+        let u = [x, y];
         if self.method == Method::Skin && choice < 0.5 {
             return Some(-frame.to_world(crate::math::warp::sample_cosine_hemisphere(u)));
         }
@@ -308,7 +327,10 @@ impl Subsurface {
                 anisotropy = 0.0;
                 guide = Guide::new(normal, medium.albedo, anisotropy);
             }
-            let (channel, pmf) = choose_channel(carried * medium.albedo, numbers.next())?;
+            let [x, y, u_way, u_choice] = numbers.next_point();
+            let (channel, pmf) = choose_channel(carried * medium.albedo, u_choice)?;
+            let before = [0.0, pmf.x, pmf.x + pmf.y][channel];
+            let u_guided = ((u_choice - before) / pmf[channel]).clamp(0.0, 1.0);
             // The first direction is given.
             let next = match step {
                 0 => Step {
@@ -316,7 +338,10 @@ impl Subsurface {
                     phase: 1.0,
                     is_guided: false,
                 },
-                _ => guide.step(&ray, channel, anisotropy, numbers),
+                _ => {
+                    let guide = (u_guided < guide.share).then_some(&guide);
+                    Step::new(ray.direction, anisotropy, guide, [x, y])
+                }
             };
             ray.direction = next.direction;
             let cos = next.direction.dot(normal);
@@ -325,7 +350,7 @@ impl Subsurface {
                 true => stretched[channel],
                 false => medium.extinction[channel],
             };
-            ray.t_max = -(1.0 - numbers.next()).ln() / extinction;
+            ray.t_max = -(1.0 - u_way).ln() / extinction;
             let met = meet(&ray);
             let way = met.as_ref().map_or(ray.t_max, |(t, _)| *t);
             // Flights by way of collision, or of getting this far.
@@ -353,23 +378,6 @@ impl Subsurface {
             ray = Ray::new(ray.at(way), ray.direction).at_time(ray.time);
         }
         None
-    }
-}
-
-impl Guide {
-    /// The step from the start of a ray, which came there in its direction.
-    fn step(&self, before: &Ray, channel: usize, anisotropy: f32, numbers: &mut Walk) -> Step {
-        let is_guided = numbers.next() < self.share;
-        let u = [numbers.next(), numbers.next()];
-        let direction = match is_guided {
-            true => self.sample(channel, u),
-            false => sample_scattered(before.direction, anisotropy, u),
-        };
-        Step {
-            direction,
-            phase: pdf_scattered(before.direction, anisotropy, direction),
-            is_guided,
-        }
     }
 }
 
