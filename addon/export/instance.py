@@ -349,6 +349,8 @@ class InstanceTable:
         if is_adaptive(owner, self.depsgraph.scene):
             what = "adaptive subdivision is not rendered yet (the modifier's own levels are used)"
             self.warnings.add(owner.name, what)
+        if shading_offset(owner) > 0.0:
+            self.warnings.not_rendered(owner.name, "Shading Offset below Shadow Terminator")
         rows = self._material_rows(owner)
         layers = self.layers.union(*(self.materials.layers[row] for row in rows))
         mesh = self._mesh(owner, layers)
@@ -501,6 +503,13 @@ def lift_cosine(owner: bpy.types.Object) -> float:
     """Geometry Offset below Shadow Terminator: a setting of Cycles until objects got their own."""
     own = getattr(owner, LIFT_SETTING, None)
     return getattr(getattr(owner, "cycles", None), LIFT_SETTING, 0.1) if own is None else own
+
+
+def shading_offset(owner: bpy.types.Object) -> float:
+    """Shading Offset beside it, by the name that the running version has for it."""
+    own = getattr(owner, "shadow_terminator_shading_offset", None)
+    cycles = getattr(owner, "cycles", None)
+    return getattr(cycles, "shadow_terminator_offset", 0.0) if own is None else own
 
 
 def is_adaptive(owner: Any, scene: Any) -> bool:

@@ -670,6 +670,19 @@ def test_shadows_are_those_of_the_smooth_form_as_far_as_the_object_says() -> Non
     assert export_now().arrays["instance_lift_cosine"].tolist() == [0.25]
 
 
+def test_a_shading_offset_is_named() -> None:
+    ball: Any = add_mesh("Ball")
+    name = "shadow_terminator_shading_offset"
+    what = "'Ball': Shading Offset below Shadow Terminator is not rendered yet"
+    assert what not in export_now().warnings
+    if hasattr(ball, name):
+        setattr(ball, name, 0.5)
+    else:
+        ball.cycles.shadow_terminator_offset = 0.5
+    ball.update_tag()
+    assert what in export_now().warnings
+
+
 def test_a_collection_for_indirect_light_is_hidden_from_the_camera() -> None:
     hidden = add_mesh("Hidden")
     collection = bpy.data.collections.new("Indirect")
