@@ -2,6 +2,9 @@
 
 use std::ops::Range;
 
+/// The largest number below one.
+const ALMOST_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+
 /// A cumulative distribution; what it says is exactly what it draws.
 #[derive(Debug, Clone)]
 pub struct Discrete {
@@ -98,7 +101,7 @@ fn guide(cumulative: &[f32]) -> Vec<u32> {
 
 /// [`Discrete::sample`] on a borrowed cumulative distribution with its guide.
 pub fn step(cumulative: &[f32], guide: &[u32], u: f32) -> (usize, f32, f32) {
-    let u = u.clamp(0.0, 1.0 - f32::EPSILON / 2.0);
+    let u = u.clamp(0.0, ALMOST_ONE);
     let part = ((u * guide.len() as f32) as usize).min(guide.len() - 1);
     let mut above = guide[part] as usize;
     while cumulative[above] <= u {
@@ -106,8 +109,32 @@ pub fn step(cumulative: &[f32], guide: &[u32], u: f32) -> (usize, f32, f32) {
     }
     let index = above - 1;
     let pmf = cumulative[index + 1] - cumulative[index];
-    let rest = ((u - cumulative[index]) / pmf).min(1.0 - f32::EPSILON / 2.0);
+    let rest = ((u - cumulative[index]) / pmf).min(ALMOST_ONE);
     (index, pmf, rest)
+}
+
+/// One of a few weights whose sum is known and above zero: its index, its share, and a number that is
+/// uniform again.
+#[inline]
+pub fn pick(weights: &[f32], total: f32, u: f32) -> Option<(usize, f32, f32)> {
+    let mut rest = u * total;
+    let mut picked = None;
+    for (index, &weight) in weights.iter().enumerate() {
+        if weight > 0.0 {
+            // Where rounding leaves a rest behind the last one, that is taken.
+            picked = Some((index, weight, rest));
+            if rest < weight {
+                break;
+            }
+        }
+        rest -= weight;
+    }
+    let (index, weight, rest) = picked?;
+    Some((
+        index,
+        weight / total,
+        (rest / weight).clamp(0.0, ALMOST_ONE),
+    ))
 }
 
 #[cfg(test)]

@@ -116,26 +116,95 @@ impl Guide {
     }
 }
 
+/// What the steps of a walk are drawn by.
+struct Scattering {
+    medium: Medium,
+    anisotropy: f32,
+    guide: Guide,
+}
+
 /// A step of a walk.
 struct Step {
     direction: Vec3A,
     /// Of the phase function [1/sr].
     phase: f32,
-    is_guided: bool,
+    /// Probabilities of the channels of which one decided its length.
+    pmf: Vec3A,
+    /// How far it gets if nothing is in the way [m].
+    length: f32,
+    /// Share of the steps like this that are guided.
+    guided: f32,
 }
 
-impl Step {
-    /// From where a ray came in this direction; the medium decides where none guides.
-    fn new(before: Vec3A, anisotropy: f32, guide: Option<&Guide>, u: [f32; 2]) -> Self {
-        let direction = match guide {
-            Some(guide) => guide.sample(u),
-            None => sample_scattered(before, anisotropy, u),
-        };
+impl Scattering {
+    fn new(medium: Medium, anisotropy: f32, normal: Vec3A) -> Self {
         Self {
-            direction,
-            phase: pdf_scattered(before, anisotropy, direction),
-            is_guided: guide.is_some(),
+            guide: Guide::new(normal, medium.albedo, anisotropy),
+            medium,
+            anisotropy,
         }
+    }
+
+    /// What comes to the same after many steps.
+    fn isotropic(&self) -> Self {
+        let medium = self.medium.isotropic(self.anisotropy);
+        Self::new(medium, 0.0, self.guide.normal)
+    }
+
+    /// A step in a direction that is given; `None` for a walk that carries nothing.
+    fn first_step(&self, direction: Vec3A, carried: Vec3A, u: [f32; 4]) -> Option<Step> {
+        let (channel, pmf) = choose_channel(carried * self.medium.albedo, u[3])?;
+        Some(Step {
+            direction,
+            phase: 1.0,
+            pmf,
+            length: -(1.0 - u[2]).ln() / self.medium.extinction[channel],
+            guided: 0.0,
+        })
+    }
+
+    /// A step after one that went in this direction; `None` for a walk that carries nothing.
+    fn step(
+        &self,
+        before: Vec3A,
+        carried: Vec3A,
+        [x, y, u_way, u_choice]: [f32; 4],
+    ) -> Option<Step> {
+        let (channel, pmf) = choose_channel(carried * self.medium.albedo, u_choice)?;
+        let below = [0.0, pmf.x, pmf.x + pmf.y][channel];
+        let is_guided = (u_choice - below) / pmf[channel] < self.guide.share;
+        let (direction, extinction) = if is_guided {
+            let direction = self.guide.sample([x, y]);
+            (direction, self.stretched_extinction(direction))
+        } else {
+            let direction = sample_scattered(before, self.anisotropy, [x, y]);
+            (direction, self.medium.extinction)
+        };
+        Some(Step {
+            direction,
+            phase: pdf_scattered(before, self.anisotropy, direction),
+            pmf,
+            length: -(1.0 - u_way).ln() / extinction[channel],
+            guided: self.guide.share,
+        })
+    }
+
+    /// What light carries on that gets this far [m] by a step, to a surface or else a collision, over the
+    /// density of all ways to draw that.
+    fn weight(&self, step: &Step, way: f32, meets: bool) -> Vec3A {
+        let flown = |extinction: Vec3A| match meets {
+            true => (-way * extinction).exp(),
+            false => extinction * (-way * extinction).exp(),
+        };
+        let own = step.phase * flown(self.medium.extinction);
+        let guided = self.guide.pdf(step.direction.dot(self.guide.normal))
+            * flown(self.stretched_extinction(step.direction));
+        own / step.pmf.dot(own.lerp(guided, step.guided))
+    }
+
+    /// The extinction by which guided flights in a direction end.
+    fn stretched_extinction(&self, direction: Vec3A) -> Vec3A {
+        self.medium.extinction * self.guide.stretch(direction.dot(self.guide.normal))
     }
 }
 
@@ -317,58 +386,27 @@ impl Subsurface {
         numbers: &mut Walk,
         meet: impl Fn(&Ray) -> Option<(f32, H)>,
     ) -> Option<Exit<H>> {
-        let mut medium = self.medium();
-        let mut anisotropy = self.anisotropy;
-        let mut guide = Guide::new(normal, medium.albedo, anisotropy);
-        let mut carried = medium.carried * self.spreads();
-        for step in 0..STEPS_MAX {
-            if step == ISOTROPIC_FROM {
-                medium = medium.isotropic(anisotropy);
-                anisotropy = 0.0;
-                guide = Guide::new(normal, medium.albedo, anisotropy);
+        let mut scattering = Scattering::new(self.medium(), self.anisotropy, normal);
+        let mut carried = scattering.medium.carried * self.spreads();
+        for count in 0..STEPS_MAX {
+            if count == ISOTROPIC_FROM {
+                scattering = scattering.isotropic();
             }
-            let [x, y, u_way, u_choice] = numbers.next_point();
-            let (channel, pmf) = choose_channel(carried * medium.albedo, u_choice)?;
-            let before = [0.0, pmf.x, pmf.x + pmf.y][channel];
-            let u_guided = ((u_choice - before) / pmf[channel]).clamp(0.0, 1.0);
-            // The first direction is given.
-            let next = match step {
-                0 => Step {
-                    direction: ray.direction,
-                    phase: 1.0,
-                    is_guided: false,
-                },
-                _ => {
-                    let guide = (u_guided < guide.share).then_some(&guide);
-                    Step::new(ray.direction, anisotropy, guide, [x, y])
-                }
+            let u = numbers.next_point();
+            let step = match count {
+                0 => scattering.first_step(ray.direction, carried, u)?,
+                _ => scattering.step(ray.direction, carried, u)?,
             };
-            ray.direction = next.direction;
-            let cos = next.direction.dot(normal);
-            let stretched = medium.extinction * guide.stretch(cos);
-            let extinction = match next.is_guided {
-                true => stretched[channel],
-                false => medium.extinction[channel],
-            };
-            ray.t_max = -(1.0 - u_way).ln() / extinction;
+            ray.direction = step.direction;
+            ray.t_max = step.length;
             let met = meet(&ray);
-            let way = met.as_ref().map_or(ray.t_max, |(t, _)| *t);
-            // Flights by way of collision, or of getting this far.
-            let flown = |extinction: Vec3A| match met.is_some() {
-                true => (-way * extinction).exp(),
-                false => extinction * (-way * extinction).exp(),
-            };
-            let own = next.phase * flown(medium.extinction);
-            let density = match step {
-                0 => pmf.dot(own),
-                _ => pmf.dot(own.lerp(guide.pdf(cos) * flown(stretched), guide.share)),
-            };
-            carried *= own / density;
+            let way = met.as_ref().map_or(step.length, |(t, _)| *t);
+            carried *= scattering.weight(&step, way, met.is_some());
             if let Some((_, hit)) = met {
                 return carried.is_finite().then_some(Exit { ray, hit, carried });
             }
-            carried *= medium.albedo;
-            if step >= ROULETTE_FROM {
+            carried *= scattering.medium.albedo;
+            if count >= ROULETTE_FROM {
                 let survival = carried.max_element().sqrt().min(1.0);
                 if !(survival > 0.0) || numbers.next() >= survival {
                     return None;

@@ -97,3 +97,49 @@ fn stop(region: Region, excesses: &[f32], lending: &mut [Lending]) {
         }
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const REGION: Region = Region {
+        frame_width: 9,
+        frame_height: 9,
+        x: 0,
+        y: 0,
+        width: 9,
+        height: 9,
+    };
+
+    /// Whether a block goes on borrowing whose D is seen to have this squared mean, its error being one.
+    fn goes_on(iterations: u32, squared_mean: f32) -> bool {
+        let (count, mean) = (iterations as f32, squared_mean.sqrt());
+        let pixels = REGION.width * REGION.height;
+        let mut drift = Drift::new(REGION);
+        drift.sums = vec![count * mean; pixels];
+        drift.first_half = vec![0.5 * count * (mean + 1.0); pixels];
+        let mut lending = vec![Lending::Window; pixels];
+        drift.look(REGION, iterations, &mut lending);
+        let stopped = lending
+            .iter()
+            .filter(|&l| matches!(l, Lending::None))
+            .count();
+        assert!(stopped == 0 || stopped == pixels, "{stopped} of {pixels}");
+        stopped == 0
+    }
+
+    /// The fewer iterations there were, the more clearly they must say it.
+    #[test]
+    fn borrowing_ends_where_its_bias_is_sure() {
+        for (iterations, limit) in [(8, 5.0), (16, 3.54), (32, 2.5), (1024, 2.5)] {
+            assert!(goes_on(iterations, 0.95 * limit), "{iterations}");
+            assert!(!goes_on(iterations, 1.05 * limit), "{iterations}");
+        }
+        // Two or four say too little, and between powers of two the halves are not alike.
+        assert!(
+            [2, 4, 12, 48]
+                .into_iter()
+                .all(|iterations| goes_on(iterations, 1e3))
+        );
+    }
+}

@@ -84,6 +84,20 @@ struct Patch {
     high: Vec2,
 }
 
+/// How points of the lamp are drawn.
+enum Drawn {
+    /// By the solid angle of the part around them, `foot` being where the point that they light lies over the
+    /// plane.
+    Seen {
+        seen: SphericalRectangle,
+        foot: Vec2,
+    },
+    /// By area, of a part.
+    Patch(Patch),
+    /// By area.
+    Whole,
+}
+
 impl Patch {
     fn area(&self) -> f32 {
         let size = (self.high - self.low).max(Vec2::ZERO);
@@ -173,12 +187,21 @@ impl Area {
         (seen.solid_angle > 1e-4).then_some((seen, on))
     }
 
-    /// Density per steradian of a point at distance `t` in `direction`.
-    fn pdf(&self, point: Vec3A, direction: Vec3A, t: f32) -> f32 {
-        if let Some((seen, _)) = self.large(point) {
-            return seen.solid_angle.recip();
+    /// How its points are drawn for one that it lights.
+    fn drawn_for(&self, point: Vec3A) -> Drawn {
+        match self.large(point) {
+            Some((seen, foot)) => Drawn::Seen { seen, foot },
+            None => self.patch(point).map_or(Drawn::Whole, Drawn::Patch),
         }
-        let area = self.patch(point).map_or(self.area, |patch| patch.area());
+    }
+
+    /// Density per steradian of a point at distance `t` in `direction`.
+    fn pdf(&self, drawn: &Drawn, direction: Vec3A, t: f32) -> f32 {
+        let area = match drawn {
+            Drawn::Seen { seen, .. } => return seen.solid_angle.recip(),
+            Drawn::Patch(patch) => patch.area(),
+            Drawn::Whole => self.area,
+        };
         t * t / (area * -direction.dot(self.normal)).max(f32::MIN_POSITIVE)
     }
 
@@ -191,20 +214,16 @@ impl Area {
     }
 
     /// A point of the lamp, in its axes.
-    fn sample_point(&self, point: Vec3A, u: [f32; 2]) -> Option<Vec2> {
-        if let Some((seen, on)) = self.large(point) {
-            let on = on + seen.sample(u);
-            return self.covers(on).then_some(on);
-        }
-        if let Some(Patch { low, high }) = self.patch(point) {
-            let on = low + (high - low) * Vec2::from(u);
-            return self.covers(on).then_some(on);
-        }
-        let unit = match self.shape {
-            Shape::Rectangle => 2.0 * Vec2::from(u) - 1.0,
-            Shape::Ellipse => sample_disk(u),
+    fn sample_point(&self, drawn: &Drawn, u: [f32; 2]) -> Option<Vec2> {
+        let on = match (drawn, self.shape) {
+            (Drawn::Seen { seen, foot }, _) => *foot + seen.sample(u),
+            (Drawn::Patch(Patch { low, high }), _) => *low + (*high - *low) * Vec2::from(u),
+            (Drawn::Whole, Shape::Rectangle) => {
+                return Some((2.0 * Vec2::from(u) - 1.0) * self.half_size);
+            }
+            (Drawn::Whole, Shape::Ellipse) => return Some(sample_disk(u) * self.half_size),
         };
-        Some(unit * self.half_size)
+        self.covers(on).then_some(on)
     }
 
     /// Most of what the slats let through to a point.
@@ -236,7 +255,8 @@ impl Emitter for Area {
     }
 
     fn sample(&self, receiver: &Receiver, _: f32, u: [f32; 2]) -> Option<LightSample> {
-        let on = self.sample_point(receiver.point, u)?;
+        let drawn = self.drawn_for(receiver.point);
+        let on = self.sample_point(&drawn, u)?;
         let offset = self.center + on.x * self.axes[0] + on.y * self.axes[1] - receiver.point;
         let distance = offset.length();
         let direction = offset / distance;
@@ -245,7 +265,7 @@ impl Emitter for Area {
             distance,
             end: None,
             radiance: Some(self.radiance(direction)),
-            pdf_solid_angle: self.pdf(receiver.point, direction, distance),
+            pdf_solid_angle: self.pdf(&drawn, direction, distance),
             is_delta: false,
             class: LightClass::Local,
             reach: Reach::ALL,
@@ -261,7 +281,7 @@ impl Emitter for Area {
             links: Links::default(),
             t,
             radiance: self.radiance(ray.direction),
-            pdf_solid_angle: self.pdf(ray.origin, ray.direction, t),
+            pdf_solid_angle: self.pdf(&self.drawn_for(ray.origin), ray.direction, t),
         })
     }
 

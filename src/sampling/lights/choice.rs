@@ -4,7 +4,8 @@
 //! tree ([`EmitterTree`]), of which a few nodes are weighed in their stead.
 
 use super::tree::{EmitterTree, Extent, Guide};
-use super::{ALMOST_ONE, Emitter, Receiver, WEIGHT_MAX};
+use super::{Emitter, Receiver, WEIGHT_MAX};
+use crate::sampling::discrete::pick;
 
 /// Up to this many lights are weighed at every point. More cost more than a shadow ray.
 pub(super) const EVALUATED_MAX: usize = 32;
@@ -130,19 +131,7 @@ impl Choice {
         if !(total > 0.0) {
             return None;
         }
-        let mut rest = u * total;
-        let mut chosen = None;
-        for (at, &weight) in weights.iter().enumerate() {
-            if weight > 0.0 {
-                // Where rounding leaves a rest behind the last one, that is taken.
-                chosen = Some((at, weight / total, (rest / weight).clamp(0.0, ALMOST_ONE)));
-                if rest < weight {
-                    break;
-                }
-            }
-            rest -= weight;
-        }
-        let (at, probability, u) = chosen?;
+        let (at, probability, u) = pick(weights, total, u)?;
         if let Some(&index) = self.alone.get(at) {
             return Some(Chosen {
                 index: index as usize,

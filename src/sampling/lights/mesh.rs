@@ -3,81 +3,52 @@
 mod choice;
 mod facet;
 mod glow;
+mod shape;
 mod sides;
 
 use std::borrow::Cow;
 use std::f32::consts::PI;
+use std::sync::Arc;
 
 use glam::{Vec2, Vec3A};
 
-use super::tree::{Extent, NormalCone};
+use super::tree::Extent;
 use super::{Emitter, LightClass, LightSample, Receiver};
 use crate::math::{facing, offset_origin};
 use crate::scene::{Reach, SceneFrame};
-use choice::{FacetChoice, Sides, extent_of};
 use facet::Facet;
-use glow::{Glow, Shading, Spot, powers};
+use glow::{Glow, Shading, Spot};
 pub use glow::{emitted_radiance, glow_of};
-use sides::sides_of;
+use shape::Origin;
+pub use shape::Shape;
+use sides::Sides;
 
 pub(super) struct MeshLight {
-    facets: Vec<Facet>,
-    choice: FacetChoice,
-    sides: Sides,
-    /// By material slot.
-    glows: Vec<Glow>,
-    /// Where some of them are computed by nodes, and where the instance moves.
+    shape: Arc<Shape>,
+    /// Where some of its glow is computed by nodes, and where the instance moves.
     shading: Option<Shading>,
-    is_moving: bool,
-    extent: Extent,
-    /// To those sides.
-    power: f32,
 }
 
 impl MeshLight {
-    /// The light of an instance; `None` if no triangle of it glows.
-    pub(super) fn new(frame: &SceneFrame, instance: u32) -> Option<Self> {
-        let materials = frame.instances[instance as usize].materials.iter();
-        let glows: Vec<Glow> = materials
-            .map(|&material| Glow::of(&frame.materials[material as usize]))
-            .collect();
-        if glows.iter().all(|glow| matches!(glow, Glow::Dark)) {
-            return None;
-        }
-        let has_nodes = glows.iter().any(|glow| matches!(glow, Glow::Nodes(_)));
-        let is_moving = frame.moves(instance);
-        let shading = (has_nodes || is_moving).then(|| Shading::of(frame, instance));
-        let facets = Facet::all(frame, instance, &glows);
-        let sides = match is_moving {
-            true => Sides::Both,
-            false => sides_of(frame, instance, &facets),
-        };
-        let powers = powers(&facets, &glows, shading.as_ref(), sides);
-        let choice = FacetChoice::new(&facets, &powers, sides, is_moving)?;
-        let mut extent = extent_of(&facets, &powers, sides);
-        if let Some((low, high)) = is_moving.then(|| frame.bounds_of(instance)).flatten() {
-            let normals = NormalCone::ALL;
-            extent = Extent {
-                low,
-                high,
-                normals,
-                ..extent
-            };
-        }
-        Some(Self {
-            choice,
-            sides,
-            extent,
-            power: powers.iter().sum(),
-            facets,
-            glows,
-            shading,
-            is_moving,
-        })
+    /// The light of an instance, which had this shape in another frame; `None` if no triangle of it glows.
+    pub(super) fn new(
+        frame: &SceneFrame,
+        instance: u32,
+        previous: Option<&Arc<Shape>>,
+    ) -> Option<Self> {
+        let origin = Origin::of(frame, instance)?;
+        let is_shaded = origin.has_nodes() || origin.is_moving;
+        let shading = is_shaded.then(|| Shading::of(frame, instance));
+        let shape = Shape::new(frame, instance, origin, shading.as_ref(), previous)?;
+        Some(Self { shape, shading })
+    }
+
+    pub(super) fn shape(&self) -> &Arc<Shape> {
+        &self.shape
     }
 
     fn radiance(&self, facet: &Facet, at: Vec2, time: f32, direction: Vec3A) -> Vec3A {
-        match (&self.glows[facet.glow as usize], &self.shading) {
+        match (self.shape.glow(facet), &self.shading) {
             (Glow::Uniform(radiance), _) => *radiance,
             (Glow::Nodes(nodes), Some(shading)) => {
                 let triangle = facet.triangle;
@@ -89,9 +60,9 @@ impl MeshLight {
 
     /// A facet where it is at a share of the shutter's time.
     fn facet_at(&self, index: usize, time: f32) -> Cow<'_, Facet> {
-        let facet = &self.facets[index];
+        let facet = &self.shape.facets[index];
         match &self.shading {
-            Some(shading) if self.is_moving => Cow::Owned(Facet {
+            Some(shading) if self.shape.is_moving() => Cow::Owned(Facet {
                 corners: shading.corners_at(facet.triangle, time),
                 ..*facet
             }),
@@ -103,7 +74,7 @@ impl MeshLight {
     /// rays.
     fn pdf_of_facet(&self, pmf: f32, facet: &Facet, receiver: &Receiver, offset: Vec3A) -> f32 {
         let away = offset.dot(facet.area_normal());
-        match self.sides {
+        match self.shape.sides {
             Sides::Front if away > 0.0 => return 0.0,
             Sides::Back if away < 0.0 => return 0.0,
             _ => {}
@@ -116,17 +87,17 @@ impl MeshLight {
 impl Emitter for MeshLight {
     /// The whole instance as a ball of its size around its middle.
     fn irradiance(&self, receiver: &Receiver) -> f32 {
-        let Extent { low, high, .. } = self.extent;
+        let Extent { low, high, .. } = self.shape.extent;
         let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
         let to_center = center - receiver.point;
         let distance = to_center.length().max(radius).max(f32::MIN_POSITIVE);
         let above = receiver.normal.dot(to_center) + radius;
         let cos = (above / distance).clamp(0.0, 1.0);
-        self.power * cos / (4.0 * PI * distance * distance)
+        self.shape.power * cos / (4.0 * PI * distance * distance)
     }
 
     fn sample(&self, receiver: &Receiver, u_choice: f32, u: [f32; 2]) -> Option<LightSample> {
-        let (index, pmf) = self.choice.sample(receiver, u_choice)?;
+        let (index, pmf) = self.shape.choice.sample(receiver, u_choice)?;
         let facet = self.facet_at(index, receiver.time);
         let b = facet.sample(receiver.point, u);
         let weights = [1.0 - b.x - b.y, b.x, b.y];
@@ -152,15 +123,18 @@ impl Emitter for MeshLight {
     }
 
     fn pdf_of_triangle(&self, receiver: &Receiver, triangle: u32, hit: Vec3A) -> f32 {
-        let found = self.facets.binary_search_by_key(&triangle, |f| f.triangle);
+        let found = self
+            .shape
+            .facets
+            .binary_search_by_key(&triangle, |f| f.triangle);
         found.map_or(0.0, |index| {
             let facet = self.facet_at(index, receiver.time);
-            let pmf = self.choice.pmf(receiver, index);
+            let pmf = self.shape.choice.pmf(receiver, index);
             self.pdf_of_facet(pmf, &facet, receiver, hit - receiver.point)
         })
     }
 
     fn extent(&self) -> Option<Extent> {
-        Some(self.extent)
+        Some(self.shape.extent)
     }
 }

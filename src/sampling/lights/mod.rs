@@ -37,7 +37,7 @@ use area::Area;
 use choice::{Choice, Chosen, EVALUATED_MAX};
 use environment::{ImageTables, SmallSky, lights_of};
 pub use mesh::emitted_radiance;
-use mesh::{MeshLight, glow_of};
+use mesh::{MeshLight, Shape, glow_of};
 use shaded::Shaded;
 use sphere::{Cone, Sphere};
 use sun::Sun;
@@ -196,8 +196,9 @@ pub struct LightSampler {
     /// The surroundings without their sun.
     sky: Option<usize>,
     small_sky: Option<Arc<SmallSky>>,
-    /// Glowing instances, in rising order; their lights come last in `lights`.
-    glowing: Vec<u32>,
+    /// Glowing instances, in rising order, with what their lights are drawn from; these come last in
+    /// `lights`.
+    glowing: Vec<(u32, Arc<Shape>)>,
     /// Whether something glows that only rays find.
     has_unsampled: bool,
     choice: Choice,
@@ -210,16 +211,16 @@ pub struct LightSampler {
 }
 
 impl LightSampler {
-    /// The lights of a frame. What is costly to make, the tables of the world's image, is taken
-    /// over from another frame's lights if it fits.
+    /// The lights of a frame. What is costly to make, the tables of the world's image and the trees over
+    /// glowing triangles, is taken over from another frame's lights if it fits.
     pub fn build(frame: &SceneFrame, previous: Option<&LightSampler>) -> Self {
         let lamps = frame.lights.iter();
         let (mut lights, mut reaches): (Vec<_>, Vec<_>) = lamps
             .filter_map(|light| Some((lamp_with_nodes(frame, light)?, light.reach)))
             .unzip();
         let lamps = lights.len();
-        let previous = previous.and_then(|p| p.image_tables.as_ref());
-        let (sky, sun, image_tables) = lights_of(&frame.world, previous);
+        let tables = previous.and_then(|p| p.image_tables.as_ref());
+        let (sky, sun, image_tables) = lights_of(&frame.world, tables);
         let sky_index = sky.as_ref().map(|_| lamps);
         lights.extend(sky.map(|sky| Box::new(sky) as Box<dyn Emitter>));
         lights.extend(sun.map(|sun| Box::new(sun) as Box<dyn Emitter>));
@@ -227,8 +228,9 @@ impl LightSampler {
         reaches.resize(lights.len(), frame.world.reach);
         let mut glowing = Vec::new();
         for instance in 0..frame.instances.len() as u32 {
-            if let Some(light) = MeshLight::new(frame, instance) {
-                glowing.push(instance);
+            let shape = previous.and_then(|p| p.glowing_shape(instance));
+            if let Some(light) = MeshLight::new(frame, instance, shape) {
+                glowing.push((instance, light.shape().clone()));
                 lights.push(Box::new(light));
                 reaches.push(reach_of_surface(frame, instance));
             }
@@ -425,12 +427,23 @@ impl LightSampler {
         triangle: u32,
         hit: Vec3A,
     ) -> f32 {
-        let Ok(index) = self.glowing.binary_search(&instance) else {
+        let Some(index) = self.glowing_index(instance) else {
             return 0.0;
         };
         let index = self.environment.end + index;
         let density = self.lights[index].pdf_of_triangle(receiver, triangle, hit);
         density * self.pmf(index, strategy, receiver)
+    }
+
+    fn glowing_index(&self, instance: u32) -> Option<usize> {
+        let found = self
+            .glowing
+            .binary_search_by_key(&instance, |(glowing, _)| *glowing);
+        found.ok()
+    }
+
+    fn glowing_shape(&self, instance: u32) -> Option<&Arc<Shape>> {
+        Some(&self.glowing[self.glowing_index(instance)?].1)
     }
 
     fn choose(
@@ -465,9 +478,6 @@ const LARGE: f32 = 0.2;
 
 /// Keeps sums of weights finite.
 const WEIGHT_MAX: f32 = 1e30;
-
-/// The largest number below one.
-const ALMOST_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
 /// The emitter of a lamp, its nodes included; `None` for one that cannot shine.
 fn lamp_with_nodes(frame: &SceneFrame, light: &Light) -> Option<Box<dyn Emitter>> {

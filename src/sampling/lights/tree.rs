@@ -9,6 +9,8 @@
 //! # Departures
 //! - One light is drawn for each sample; in the place of adaptive splitting the walk begins at one of
 //!   a fixed number of nodes, all of which are weighed at each point ([`EmitterTree::clusters`]).
+//! - A node has up to four parts, which are weighed at once; the paper's two are merged after the tree has
+//!   been split.
 //! - A single light is weighed by its own estimate of the irradiance it gives, not by its bounds.
 //! - The extent of a box is the square of its diagonal: areas vanish for lamps in a row.
 
@@ -20,7 +22,8 @@ use std::ops::Range;
 
 use glam::{Vec3A, Vec4};
 
-use super::{ALMOST_ONE, Receiver};
+use super::Receiver;
+use crate::sampling::discrete::pick;
 use binary::Binary;
 use wide::{Below, WIDTH, Wide};
 
@@ -172,29 +175,15 @@ impl EmitterTree {
         for (place, &light) in (0u32..).zip(&binary.order) {
             place_of[light as usize] = place;
         }
-        let mut nodes: Vec<Wide> = Vec::new();
-        let mut todo = vec![];
-        let mut push = |nodes: &mut Vec<Wide>, parts: &[u32]| {
-            let mut wide = Wide::empty();
-            for (part, &node) in parts.iter().enumerate() {
-                let below = &binary.nodes[node as usize];
-                wide.set(part, &below.extent, below.first, below.count);
-                match below.below {
-                    binary::Below::Light(light) => wide.below[part] = Below::Light(light),
-                    binary::Below::Nodes(_) => todo.push((nodes.len(), part, node)),
-                }
-            }
-            nodes.push(wide);
-            std::mem::take(&mut todo)
-        };
         let tops = binary.opened(0, clusters);
-        let mut rest: Vec<_> = tops
-            .chunks(WIDTH)
-            .flat_map(|parts| push(&mut nodes, parts))
-            .collect();
-        while let Some((above, part, node)) = rest.pop() {
-            nodes[above].below[part] = Below::Node(nodes.len() as u32);
-            rest.extend(push(&mut nodes, &binary.opened(node, WIDTH)));
+        let mut nodes: Vec<Wide> = tops.chunks(WIDTH).map(|t| Wide::new(&binary, t)).collect();
+        let mut todo: Vec<(usize, usize)> = (0..nodes.len()).flat_map(parts_of).collect();
+        while let Some((above, part)) = todo.pop() {
+            if let Below::Unmerged(node) = nodes[above].below[part] {
+                nodes[above].below[part] = Below::Node(nodes.len() as u32);
+                todo.extend(parts_of(nodes.len()));
+                nodes.push(Wide::new(&binary, &binary.opened(node, WIDTH)));
+            }
         }
         Self {
             nodes,
@@ -232,30 +221,23 @@ impl EmitterTree {
     /// Lights of a tree with one first node; `None` where the walk ends between parts without light.
     pub(super) fn draw(&self, guide: &impl Guide, u: f32) -> Option<Part> {
         let (cluster, share, u) = choose(self.weigh(0, guide), u)?;
-        let part = self.sample(cluster, guide, u)?;
-        Some(part.times(share))
+        Some(self.sample(cluster, guide, u)?.times(share))
     }
 
     /// What [`EmitterTree::draw`] finds where it finds the light at a place of the order.
     pub(super) fn drawn_with(&self, guide: &impl Guide, place: usize) -> Option<Part> {
-        let cluster = self.nodes[0].part_with(place as u32);
-        let weights = self.weigh(0, guide);
-        let share = weights[cluster] / sum(weights);
-        let part = self.part_with(cluster, guide, place)?;
-        (share > 0.0).then(|| part.times(share))
+        let (cluster, share) = self.nodes[0].choose_place(self.weigh(0, guide), place)?;
+        Some(self.part_with(cluster, guide, place)?.times(share))
     }
 
     /// Lights of a cluster; `None` where the walk ends between parts without light.
     pub(super) fn sample(&self, cluster: usize, guide: &impl Guide, mut u: f32) -> Option<Part> {
-        let (mut node, mut part, mut probability) = (cluster / WIDTH, cluster % WIDTH, 1.0);
-        while let Some(next) = self.below(node, part, guide) {
-            node = next;
-            let weights = self.weigh(node, guide);
-            let share;
-            (part, share, u) = choose(weights, u)?;
-            probability *= share;
-        }
-        Some(self.nodes[node].chosen(part, probability, u))
+        let chosen = self.descend(cluster, guide, |_, weights| {
+            let (part, share, rest) = choose(weights, u)?;
+            u = rest;
+            Some((part, share))
+        })?;
+        Some(Part { u, ..chosen })
     }
 
     /// What [`EmitterTree::sample`] finds where it finds the light at a place of the order.
@@ -265,18 +247,27 @@ impl EmitterTree {
         guide: &impl Guide,
         place: usize,
     ) -> Option<Part> {
+        self.descend(cluster, guide, |node, weights| {
+            node.choose_place(weights, place)
+        })
+    }
+
+    /// From a cluster down to where the walk ends; `choose` takes one of a node's parts by their weights, and
+    /// says its share of them.
+    #[inline]
+    fn descend(
+        &self,
+        cluster: usize,
+        guide: &impl Guide,
+        mut choose: impl FnMut(&Wide, Vec4) -> Option<(usize, f32)>,
+    ) -> Option<Part> {
         let (mut node, mut part, mut probability) = (cluster / WIDTH, cluster % WIDTH, 1.0);
         while let Some(next) = self.below(node, part, guide) {
-            node = next;
-            part = self.nodes[node].part_with(place as u32);
-            let weights = self.weigh(node, guide);
-            let total = sum(weights);
-            if !(total > 0.0) {
-                return None;
-            }
-            probability *= weights[part] / total;
+            let share;
+            (part, share) = choose(&self.nodes[next], self.weigh(next, guide))?;
+            (node, probability) = (next, probability * share);
         }
-        Some(self.nodes[node].chosen(part, probability, 0.0))
+        Some(self.nodes[node].chosen(part, probability))
     }
 
     /// The place of a light in the order.
@@ -311,25 +302,17 @@ impl EmitterTree {
     }
 }
 
-/// A part by its weight, with its share, and a number that is uniform again.
-fn choose(weights: Vec4, u: f32) -> Option<(usize, f32, f32)> {
-    let total = sum(weights);
-    let weights = weights.to_array();
-    let mut rest = u * total;
-    let mut chosen = None;
-    for (part, weight) in weights.into_iter().enumerate() {
-        if weight > 0.0 {
-            // Where rounding leaves a rest behind the last one, that is taken.
-            chosen = Some((part, weight / total, (rest / weight).clamp(0.0, ALMOST_ONE)));
-            if rest < weight {
-                break;
-            }
-        }
-        rest -= weight;
-    }
-    chosen
+/// Its node's number beside the number of each part.
+fn parts_of(node: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..WIDTH).map(move |part| (node, part))
 }
 
+/// A part by its weight, with its share, and a number that is uniform again.
+fn choose(weights: Vec4, u: f32) -> Option<(usize, f32, f32)> {
+    pick(&weights.to_array(), sum(weights), u)
+}
+
+/// In the order in which all that weighs parts adds them up.
 fn sum(weights: Vec4) -> f32 {
     let [a, b, c, d] = weights.to_array();
     (a + b) + (c + d)

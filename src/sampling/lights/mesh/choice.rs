@@ -3,9 +3,8 @@
 use std::f32::consts::{FRAC_PI_2, PI};
 use std::ops::Range;
 
-use glam::Vec3A;
-
 use super::facet::Facet;
+use super::sides::Sides;
 use crate::sampling::discrete::Discrete;
 use crate::sampling::lights::Receiver;
 use crate::sampling::lights::tree::{EmitterTree, Extent, Guide, NormalCone, Part};
@@ -49,15 +48,6 @@ struct ByPlace {
     facets: Vec<u32>,
     /// The other way round.
     place_of: Vec<u32>,
-}
-
-/// To which sides of their triangles a mesh shines on others.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sides {
-    Both,
-    /// Where the normal points to.
-    Front,
-    Back,
 }
 
 impl FacetChoice {
@@ -109,8 +99,8 @@ impl ByPlace {
     fn new(facets: &[Facet], powers: &[f32], sides: Sides) -> Self {
         let size = facets.len().div_ceil(LEAVES_MAX);
         let groups = facets.chunks(size).zip(powers.chunks(size));
-        let extents: Vec<Extent> = groups.map(|(f, p)| extent_of(f, p, sides)).collect();
-        let tree = EmitterTree::new(&extents, CLUSTERS);
+        let extents = groups.filter_map(|(f, p)| extent_of(f, p, sides));
+        let tree = EmitterTree::new(&extents.collect::<Vec<_>>(), CLUSTERS);
         let mut by_place = Self {
             starts: vec![0],
             facets: Vec::with_capacity(facets.len()),
@@ -135,8 +125,8 @@ impl ByPlace {
     }
 }
 
-/// Where neighbouring triangles are, and where they shine.
-pub fn extent_of(facets: &[Facet], powers: &[f32], sides: Sides) -> Extent {
+/// Where triangles are, and where they shine; `None` where there are none.
+pub fn extent_of(facets: &[Facet], powers: &[f32], sides: Sides) -> Option<Extent> {
     let lit = facets.iter().zip(powers);
     let extents = lit.map(|(facet, &power)| {
         let [a, b, c] = facet.corners;
@@ -154,12 +144,5 @@ pub fn extent_of(facets: &[Facet], powers: &[f32], sides: Sides) -> Extent {
             both_sides: sides == Sides::Both,
         }
     });
-    extents.reduce(Extent::union).unwrap_or(Extent {
-        low: Vec3A::ZERO,
-        high: Vec3A::ZERO,
-        intensity: 0.0,
-        normals: NormalCone::ALL,
-        reach: FRAC_PI_2,
-        both_sides: true,
-    })
+    extents.reduce(Extent::union)
 }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec3A};
 
-use super::choice::Sides;
 use super::facet::Facet;
+use super::sides::Sides;
 use crate::math::{MIDDLE_TIME, luminance};
 use crate::scene::{self, Camera, Image, Instance, Material, Mesh, SceneFrame};
 use crate::shader::{Closure, Point, Program, RayInfo};
@@ -53,6 +53,15 @@ pub enum Glow {
 }
 
 impl Glow {
+    /// Whether both shine alike; of nodes this is not known.
+    pub fn is_same(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Dark, Self::Dark) => true,
+            (Self::Uniform(radiance), Self::Uniform(other)) => radiance == other,
+            _ => false,
+        }
+    }
+
     pub fn of(material: &Material) -> Self {
         // What depends on the things around is known only where a ray arrives.
         if !material.is_emissive() || material.emission.asks_around() {

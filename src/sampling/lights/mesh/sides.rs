@@ -7,37 +7,41 @@ use std::collections::HashMap;
 
 use glam::Vec3A;
 
-use super::choice::Sides;
 use super::facet::Facet;
 use crate::scene::{Mesh, SceneFrame};
+
+/// To which sides of their triangles a mesh shines on others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sides {
+    Both,
+    /// Where the normal points to.
+    Front,
+    Back,
+}
 
 /// Meshes of more triangles are taken to be open, which costs no time.
 const TRIANGLES_MAX: usize = 1 << 17;
 
-/// The sides of an instance whose glowing triangles are these, all bounds being in world space.
-pub fn sides_of(frame: &SceneFrame, instance: u32, facets: &[Facet]) -> Sides {
-    let mesh = frame.mesh_of(instance);
-    let glows_all_over = facets.len() == mesh.triangles.len() && facets.len() <= TRIANGLES_MAX;
-    let materials = frame.instances[instance as usize].materials.iter();
-    let mut materials = materials.map(|&material| &frame.materials[material as usize]);
-    if !glows_all_over || materials.any(|m| m.is_see_through()) || holds_camera(frame, facets) {
-        return Sides::Both;
-    }
-    let volume = volume(facets);
-    match is_closed(mesh) {
-        true if volume > 0.0 => Sides::Front,
-        true if volume < 0.0 => Sides::Back,
-        _ => Sides::Both,
-    }
+/// Whether nobody may see one of the sides of an instance, if it is closed and glows all over: none of it is
+/// see-through, and the camera is not inside.
+pub fn may_hide_a_side(frame: &SceneFrame, instance: u32) -> bool {
+    let mut materials = frame.instances[instance as usize].materials.iter();
+    let eye = frame.camera.position();
+    let holds_camera = |(low, high): (Vec3A, Vec3A)| eye.cmpge(low).all() && eye.cmple(high).all();
+    !materials.any(|&material| frame.materials[material as usize].is_see_through())
+        && !frame.bounds_of(instance).is_some_and(holds_camera)
 }
 
-/// Whether the camera may be among the triangles, and sees them from within.
-fn holds_camera(frame: &SceneFrame, facets: &[Facet]) -> bool {
-    let corners = || facets.iter().flat_map(|facet| facet.corners);
-    let low = corners().fold(Vec3A::INFINITY, Vec3A::min);
-    let high = corners().fold(Vec3A::NEG_INFINITY, Vec3A::max);
-    let eye = frame.camera.position();
-    eye.cmpge(low).all() && eye.cmple(high).all()
+/// The sides that others see of such an instance whose glowing triangles are these.
+pub fn sides_of(mesh: &Mesh, facets: &[Facet]) -> Sides {
+    if facets.len() < mesh.triangles.len() || facets.len() > TRIANGLES_MAX || !is_closed(mesh) {
+        return Sides::Both;
+    }
+    match volume(facets) {
+        volume if volume > 0.0 => Sides::Front,
+        volume if volume < 0.0 => Sides::Back,
+        _ => Sides::Both,
+    }
 }
 
 /// Volume within, below zero where normals point inwards.

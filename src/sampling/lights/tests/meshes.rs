@@ -94,7 +94,7 @@ fn densities_are_those_of_the_samples() {
         (0.1, Vec3::Z * 3.0),
     ] {
         let frame = ball_at(scale, center, 3.0);
-        let light = MeshLight::new(&frame, 0).unwrap();
+        let light = MeshLight::new(&frame, 0, None).unwrap();
         let receiver = receiver_at(Vec3A::ZERO, Vec3A::new(0.6, 0.0, 0.8));
         let mut random = Random::new(4);
         let (count, mut total, mut seen) = (2_000, 0.0, 0.0);
@@ -141,7 +141,7 @@ fn facet_distance(frame: &SceneFrame, triangle: u32, point: Vec3A) -> f32 {
 #[test]
 fn only_closed_meshes_leave_their_inner_side_to_rays() {
     let is_sampled = |frame: &SceneFrame, from: Vec3A, normal: Vec3A| {
-        let light = MeshLight::new(frame, 0).unwrap();
+        let light = MeshLight::new(frame, 0, None).unwrap();
         let receiver = receiver_at(from, normal);
         let mut random = Random::new(5);
         (0..200).any(|_| {
@@ -186,4 +186,46 @@ fn only_closed_meshes_leave_their_inner_side_to_rays() {
         &[6.0],
         placement
     )));
+}
+
+/// Frames share what a glowing mesh is drawn from while it stays as it is, and no longer.
+#[test]
+fn what_stays_as_it_is_is_made_once() {
+    let shape_of = |frame: &SceneFrame, previous| {
+        let light = MeshLight::new(frame, 0, previous).unwrap();
+        light.shape().clone()
+    };
+    let frame = ball_at(1.0, Vec3::Z * 3.0, 3.0);
+    let shape = shape_of(&frame, None);
+    let is_shared = |frame: &SceneFrame| Arc::ptr_eq(&shape, &shape_of(frame, Some(&shape)));
+    assert!(is_shared(&frame));
+
+    let changed = |change: &dyn Fn(&mut SceneFrame)| {
+        let mut frame = frame.clone();
+        change(&mut frame);
+        frame
+    };
+    assert!(is_shared(&changed(&|frame| frame.lights = vec![])));
+    let moved = Placement::new(Affine3A::from_translation(Vec3::Z));
+    assert!(!is_shared(&changed(
+        &|frame| frame.instances[0].placement = moved
+    )));
+    let other = ball_at(1.0, Vec3::Z * 3.0, 4.0);
+    assert!(!is_shared(&changed(
+        &|frame| frame.materials = other.materials.clone()
+    )));
+    assert!(!is_shared(&changed(
+        &|frame| frame.meshes = other.meshes.clone()
+    )));
+    let nodes = changed(&|frame| {
+        frame.materials[0].emission = lamp_with(point_lamp(0.0, true), PLACE, &[[1.0; 3]])
+            .materials[0]
+            .emission
+            .clone();
+    });
+    let lit_by_nodes = shape_of(&nodes, None);
+    assert!(!Arc::ptr_eq(
+        &lit_by_nodes,
+        &shape_of(&nodes, Some(&lit_by_nodes))
+    ));
 }

@@ -2,6 +2,7 @@
 
 use glam::{BVec4A, Vec4};
 
+use super::binary::{self, Binary};
 use super::{Extent, Part};
 use crate::sampling::lights::{Receiver, WEIGHT_MAX};
 
@@ -16,6 +17,8 @@ pub enum Below {
     Light(u32),
     /// A node.
     Node(u32),
+    /// A node of two parts that has none of four yet.
+    Unmerged(u32),
 }
 
 /// The extents of four parts as their importance wants them, and what is below.
@@ -44,8 +47,23 @@ const ALIKE_DISTANCE: f32 = 4.0;
 const ALIKE_COSINE: f32 = 0.9;
 
 impl Wide {
-    /// A node without parts.
-    pub fn empty() -> Self {
+    /// A node whose parts are these of another tree.
+    pub fn new(binary: &Binary, parts: &[u32]) -> Self {
+        let mut wide = Self::empty();
+        for (part, &index) in parts.iter().enumerate() {
+            let node = &binary.nodes[index as usize];
+            wide.set(part, &node.extent);
+            wide.first[part] = node.first;
+            wide.count[part] = node.count;
+            wide.below[part] = match node.below {
+                binary::Below::Light(light) => Below::Light(light),
+                binary::Below::Nodes(_) => Below::Unmerged(index),
+            };
+        }
+        wide
+    }
+
+    fn empty() -> Self {
         Self {
             center: [Vec4::ZERO; 3],
             radius: Vec4::ZERO,
@@ -61,8 +79,7 @@ impl Wide {
         }
     }
 
-    /// Makes these lights its part of this number.
-    pub fn set(&mut self, part: usize, extent: &Extent, first: u32, count: u32) {
+    fn set(&mut self, part: usize, extent: &Extent) {
         let (center, normals) = (extent.center(), &extent.normals);
         for k in 0..3 {
             self.center[k][part] = center[k];
@@ -75,8 +92,6 @@ impl Wide {
         self.sin_normals[part] = normals.angle.sin();
         self.cos_reach[part] = extent.reach.min(std::f32::consts::PI).cos();
         self.both_sides.set(part, extent.both_sides);
-        self.first[part] = first;
-        self.count[part] = count;
     }
 
     /// About how much light a plane at the receiver gets from all below each part, were it all as near, as
@@ -126,13 +141,20 @@ impl Wide {
         self.first.iter().take_while(is_before).count().max(1) - 1
     }
 
+    /// That part and its share of all; `None` where nothing shines.
+    pub fn choose_place(&self, weights: Vec4, place: usize) -> Option<(usize, f32)> {
+        let part = self.part_with(place as u32);
+        let total = super::sum(weights);
+        (total > 0.0).then(|| (part, weights[part] / total))
+    }
+
     /// A part, as it is chosen.
-    pub fn chosen(&self, part: usize, probability: f32, u: f32) -> Part {
+    pub fn chosen(&self, part: usize, probability: f32) -> Part {
         let first = self.first[part] as usize;
         Part {
             places: first..first + self.count[part] as usize,
             probability,
-            u,
+            u: 0.0,
         }
     }
 }
