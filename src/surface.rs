@@ -269,6 +269,7 @@ impl Surface {
             self.bsdf.add_diffuse(Vec3A::ONE, color, point.normal, 0.0);
             return;
         };
+        self.bsdf.set_bump_correction(material.has_bump_correction);
         // A surface that stops a fraction of the rays, and is seen by those, reflects its weight
         // over that fraction.
         let stopped = 1.0 - Passage::of(frame, material, point).probability;
@@ -659,7 +660,7 @@ fn other_weights(frame: &SceneFrame, material: &Material, point: &Point) -> f32 
             | Closure::Translucent { weight, .. }
             | Closure::Sheen { weight, .. }
             | Closure::Holdout(weight) => *weight,
-            Closure::Emission(radiance) => radiance.max_element().min(1.0),
+            Closure::Emission(radiance) => radiance.abs().max_element().min(1.0),
             Closure::Transparent(_)
             | Closure::Volume(_)
             | Closure::Normal(_)

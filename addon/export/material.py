@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
@@ -42,6 +42,30 @@ from .shader.nodes import displaced_normal
 DEFAULT_VOLUME = -1
 
 
+@dataclass(frozen=True)
+class Traits:
+    """What a material is beside its nodes."""
+
+    transparent_shadow: bool = True
+    bump_correction: bool = True
+
+    @staticmethod
+    def of(material: bpy.types.Material | None) -> Traits:
+        """Those of an evaluated material."""
+        settings: Any = getattr(material, "cycles", None)
+        corrects = getattr(settings, "use_bump_map_correction", True)
+        return Traits(casts_transparent_shadow(material), corrects)
+
+    @staticmethod
+    def arrays(all_traits: Sequence[Traits]) -> dict[str, np.ndarray]:
+        """Their columns in the contract."""
+        names = [item.name for item in fields(Traits)]
+        return {
+            f"material_{name}": np.array([getattr(t, name) for t in all_traits], np.uint32)
+            for name in names
+        }
+
+
 @dataclass
 class MaterialTable:
     """The materials of one frame, each once, in the order of their first use."""
@@ -61,7 +85,7 @@ class MaterialTable:
     # The same of what their volumes read from grids.
     grids: list[frozenset[str]] = field(default_factory=list)
     _pass_indices: list[int] = field(default_factory=list)
-    _transparent_shadows: list[bool] = field(default_factory=list)
+    _traits: list[Traits] = field(default_factory=list)
     _matte_numbers: list[float] = field(default_factory=list)
     _rows: dict[int, int] = field(default_factory=dict)
 
@@ -80,7 +104,7 @@ class MaterialTable:
             if self.outputs and material and uses_nodes(material):
                 compile_outputs(compiler, material, self.outputs)
 
-        return self._row(uid, compiler, write, casts_transparent_shadow(material))
+        return self._row(uid, compiler, write, Traits.of(material))
 
     def index_of_volume(self, material: bpy.types.Material | None) -> int:
         """The same for the material of a volume object; None is Blender's default volume."""
@@ -125,7 +149,7 @@ class MaterialTable:
         uid: int,
         compiler: Compiler,
         compile_owner: Callable[[], None],
-        transparent_shadow: bool = True,
+        traits: Traits = Traits(),
     ) -> int:
         if uid not in self._rows:
             program = self._program(uid, compiler, compile_owner)
@@ -135,7 +159,7 @@ class MaterialTable:
             self.layers.append(frozenset(program.layers))
             self.grids.append(frozenset(program.grids))
             self._pass_indices.append(compiler.material_index)
-            self._transparent_shadows.append(transparent_shadow)
+            self._traits.append(traits)
             if self.mattes:
                 name = compiler.name or NO_MATERIAL
                 self._matte_numbers.append(self.mattes.number(MATERIAL, name))
@@ -160,7 +184,7 @@ class MaterialTable:
         return {
             **programs,
             "material_index": indices,
-            "material_transparent_shadow": np.array(self._transparent_shadows, np.uint32),
+            **Traits.arrays(self._traits),
             "material_mattes": mattes,
         }
 

@@ -301,6 +301,13 @@ pub const FRAME: &[ArraySpec] = &[
         "First instruction and number of instructions of each material's program.",
     ),
     array(
+        "material_bump_correction",
+        U32,
+        &["M"],
+        "0 or 1",
+        "Whether normals that bumps bend too far are bent back, and bumps shadow each other softly.",
+    ),
+    array(
         "material_index",
         F32,
         &["M"],

@@ -59,7 +59,8 @@ pub fn multiscatter(fresnel: &Fresnel, roughness: f32, cos: f32) -> (Vec3A, Vec3
 }
 
 /// The mean of a Fresnel curve over the microfacets seen under this cosine; those that reflect
-/// below the horizon count as zero, as in Cycles.
+/// below the horizon count as zero, as in Cycles. The table knows light that enters only: that of light
+/// that leaves is taken to be the same, as in Cycles.
 pub fn mean_curve(curve: Curve, roughness: f32, cos: f32) -> f32 {
     match curve {
         Curve::Schlick => bilinear(&TABLES.schlick, roughness, cos),

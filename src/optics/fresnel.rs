@@ -231,11 +231,7 @@ impl Curved {
     /// The mean over the microfacets of this roughness seen under a cosine; the dip is taken as that
     /// of a mirror.
     fn seen_under(&self, roughness: f32, cos: f32) -> Vec3A {
-        let mean = match self.curve {
-            // The table knows rays that enter only; those that leave are near a mirror's.
-            Curve::Dielectric { ior } if ior < 1.0 => self.curve.at(cos),
-            curve => energy::mean_curve(curve, roughness, cos),
-        };
+        let mean = energy::mean_curve(self.curve, roughness, cos);
         let dip = cos * (1.0 - cos).powi(6);
         (mix(self.f0, self.f90, mean) - self.dip * dip).max(Vec3A::ZERO)
     }

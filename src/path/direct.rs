@@ -44,7 +44,7 @@ impl Tracer<'_> {
             return;
         }
         let vertex = from.total;
-        let sides: &[f32] = match surface.bsdf.is_transmissive() {
+        let sides: &[f32] = match surface.bsdf.is_lit_from_behind() {
             true => &[1.0, -1.0],
             false => &[1.0],
         };

@@ -130,7 +130,7 @@ fn gather_own(view: &View, surface: &Surface, sampler: &Sampler) -> Vec3A {
         return Vec3A::ZERO;
     };
     let direction = drawn.direction;
-    let (value, LobePdfs { own: pdf, .. }) = surface.bsdf.eval(direction);
+    let (value, LobePdfs { own: pdf, .. }) = surface.bsdf.eval_drawn(&drawn);
     if !(pdf > 0.0) {
         return Vec3A::ZERO;
     }

@@ -480,6 +480,7 @@ fn materials(arrays: &Arrays, images: usize) -> Result<Vec<Material>> {
             let rows = range("material_programs", row, span, count, "instructions")?;
             Ok(Material {
                 pass_index: arrays.f32s("material_index")[row],
+                has_bump_correction: arrays.u32s("material_bump_correction")[row] != 0,
                 has_transparent_shadow: arrays.u32s("material_transparent_shadow")[row] != 0,
                 ..Material::new(&instructions.draft(rows)?)
             })

@@ -156,6 +156,8 @@ pub struct Material {
     pub pass_index: f32,
     /// Whether rays that look for a light pass it where others do.
     pub has_transparent_shadow: bool,
+    /// Whether bumps are bent and shadowed so that the picture of its closures hangs together.
+    pub has_bump_correction: bool,
 }
 
 impl Material {
@@ -170,6 +172,7 @@ impl Material {
             output: draft.program(Use::Output),
             pass_index: 0.0,
             has_transparent_shadow: true,
+            has_bump_correction: true,
         }
     }
 

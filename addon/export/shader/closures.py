@@ -127,9 +127,17 @@ def principled(compiler: Compiler, source: Source, weight: Operand) -> None:
     alpha = compiler.saturated(compiler.input(source, "Alpha"))
     opaque = compiler.times(weight, alpha)
     _closure(compiler, source, "principled", opaque)
-    _emission(compiler, source, "Emission Color", "Emission Strength", opaque, below_layers)
+    if not is_dark(compiler, source):
+        _emission(compiler, source, "Emission Color", "Emission Strength", opaque, below_layers)
     if alpha != ONE:
         compiler.emit("transparent", compiler.times(weight, compiler.rest(alpha)), ONE)
+
+
+def is_dark(compiler: Compiler, source: Source) -> bool:
+    """Whether a Principled BSDF's strength is a number that gives no light: negative ones do not count."""
+    strength = source.input("Emission Strength")
+    end = strength and strength.follow()
+    return isinstance(end, Constant) and end.number() <= 0.0
 
 
 def hair(compiler: Compiler, source: Source, weight: Operand) -> None:

@@ -247,10 +247,11 @@ class Compiler:
             return self.normal
         if socket.identifier == "Tangent":
             return self._tangent(source)
-        if not source.node.bl_idname.startswith("ShaderNodeTex"):
+        kind = source.node.bl_idname
+        # White noise is the one texture that has no place of its own.
+        if not kind.startswith("ShaderNodeTex") or kind == "ShaderNodeTexWhiteNoise":
             return None
-        flat = source.node.bl_idname == "ShaderNodeTexImage"
-        return self.uv() if flat else self.generated()
+        return self.uv() if kind == "ShaderNodeTexImage" else self.generated()
 
     def _tangent(self, source: Source) -> Operand:
         """The direction of a grain: around the object's Z axis; not asked for without a grain."""

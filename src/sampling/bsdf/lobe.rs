@@ -65,6 +65,17 @@ impl Lobe {
         }
     }
 
+    /// Whether it consists of microfacets.
+    pub fn is_of_facets(&self) -> bool {
+        matches!(
+            self.model,
+            Model::Reflection(_)
+                | Model::Interface(_)
+                | Model::BeckmannReflection(_)
+                | Model::BeckmannInterface(_)
+        )
+    }
+
     /// Whether it has no mirror direction.
     pub fn is_wide(&self) -> bool {
         self.is_diffuse() || matches!(self.model, Model::Translucent(_) | Model::Phase(_))

@@ -46,12 +46,12 @@ use streak::Streak;
 use toon::Toon;
 use velvet::Velvet;
 
-/// Closures that a surface may have beside its Lambert part: a Principled BSDF with all its layers.
-/// Further ones take the shape of the last one of their kind; each place costs time at every hit.
-pub const MAX_LOBES: usize = 6;
+/// Closures that a surface may have beside its Lambert part: four Principled BSDFs with all their layers.
+/// Further ones take the shape of the last one of their kind.
+pub const MAX_LOBES: usize = 32;
 
 /// Different normals and tangents that a surface's closures may have; further ones take the last.
-const MAX_VIEWS: usize = 4;
+const MAX_VIEWS: usize = 16;
 
 /// Closures, and normals, that are kept without asking for memory: most surfaces have no more, and what is never written
 /// costs no time. A surface is moved some times on its way to the path.
@@ -197,6 +197,14 @@ pub struct Drawn {
     pub part: Part,
     /// GGX alpha of the closure; one without microfacets.
     pub alpha: f32,
+    origin: Origin,
+}
+
+/// Which closure a direction was drawn from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Origin {
+    Lambert,
+    Lobe(u8),
 }
 
 /// What describes a reflecting closure without grain.
@@ -237,6 +245,10 @@ struct View {
     wo: Vec3A,
     /// Squared alpha of the bumps that bent the normal; see [`Bsdf::bump_shadow`].
     bump: f32,
+    /// Whether the normal is on the other side of the smooth surface: what is reflected leaves there.
+    is_turned: bool,
+    /// Whether the viewer is behind the normal, where microfacets scatter nothing.
+    is_behind: bool,
 }
 
 /// A surface at a hit, seen from one direction.
@@ -247,6 +259,7 @@ pub struct Bsdf {
     smooth_normal: Vec3A,
     wo: Vec3A,
     is_front: bool,
+    has_bump_correction: bool,
     /// Albedo of the Lambert part.
     lambert: Vec3A,
     lambert_view: u8,
@@ -266,6 +279,7 @@ impl Bsdf {
             smooth_normal: geometric_normal,
             wo,
             is_front,
+            has_bump_correction: true,
             lambert: Vec3A::ZERO,
             lambert_view: 0,
             lobes: SmallVec::new(),
@@ -284,6 +298,11 @@ impl Bsdf {
         self.smooth_normal = smooth_normal;
     }
 
+    /// Whether normals of the closures that follow are bent back and bumps shadow each other, as in Cycles.
+    pub fn set_bump_correction(&mut self, has_bump_correction: bool) {
+        self.has_bump_correction = has_bump_correction;
+    }
+
     /// Adds a Diffuse BSDF: Lambert's, or Oren and Nayar's where it is rough. Where bumps shadow
     /// each other it is none that others could lend light to.
     pub fn add_diffuse(&mut self, weight: Vec3A, color: Vec3A, normal: Vec3A, roughness: f32) {
@@ -294,7 +313,10 @@ impl Bsdf {
         }
         let view = self.view(normal, None);
         let is_first = self.lambert == Vec3A::ZERO;
-        let is_even = self.views[view as usize].bump < BUMP_SEEN;
+        let View {
+            bump, is_turned, ..
+        } = self.views[view as usize];
+        let is_even = bump < BUMP_SEEN && !is_turned;
         if roughness <= 0.0 && is_even && (is_first || self.lambert_view == view) {
             self.lambert_view = view;
             self.lambert += albedo;
@@ -572,12 +594,19 @@ impl Bsdf {
             None => Frame::from_normal(normal),
         };
         let mut wo = frame.to_local(self.wo);
+        let is_behind = wo.z < 0.0;
         wo.z = wo.z.max(1e-6);
+        let cos_bump = self.smooth_normal.dot(normal);
         self.views.push(View {
             frame,
             tangent: tangent.unwrap_or(Vec3A::ZERO),
             wo,
-            bump: bump_of(self.smooth_normal.dot(normal)),
+            bump: match self.has_bump_correction {
+                true => bump_of(cos_bump),
+                false => 0.0,
+            },
+            is_turned: cos_bump < 0.0,
+            is_behind,
         });
         self.views.len() as u8 - 1
     }
@@ -602,7 +631,10 @@ impl Bsdf {
 
     /// The normal, bent so far that a mirror sends the viewer's direction back above the surface.
     pub fn reflecting_normal(&self, normal: Vec3A) -> Vec3A {
-        reflecting_normal(normal, self.wo, self.geometric_normal)
+        match self.has_bump_correction {
+            true => reflecting_normal(normal, self.wo, self.geometric_normal),
+            false => normal,
+        }
     }
 
     /// Widens every glossy closure to at least this GGX alpha. Its energy stays what it was.
@@ -650,6 +682,11 @@ impl Bsdf {
         self.lambert == Vec3A::ZERO && self.lobes.is_empty()
     }
 
+    /// Whether light from behind the surface may reach the viewer.
+    pub fn is_lit_from_behind(&self) -> bool {
+        self.is_transmissive() || self.views.iter().any(|view| view.is_turned)
+    }
+
     /// Whether light may come through the surface.
     pub fn is_transmissive(&self) -> bool {
         self.lobes.iter().any(Lobe::is_transmissive)
@@ -664,44 +701,84 @@ impl Bsdf {
     /// Values and densities towards `wi`, above or below the smooth form of the surface: light just below
     /// its flat faces still reaches it, as in Cycles.
     pub fn eval(&self, wi: Vec3A) -> (LobeValues, LobePdfs) {
+        self.eval_from(wi, None)
+    }
+
+    /// The same for a direction that was drawn; see [`Bsdf::factor`].
+    pub fn eval_drawn(&self, drawn: &Drawn) -> (LobeValues, LobePdfs) {
+        self.eval_from(drawn.direction, Some(drawn.origin))
+    }
+
+    fn eval_from(&self, wi: Vec3A, origin: Option<Origin>) -> (LobeValues, LobePdfs) {
         let is_above = wi.dot(self.smooth_normal) > 0.0;
         let (mut values, mut pdfs) = (LobeValues::default(), LobePdfs::default());
-        if is_above && self.lambert != Vec3A::ZERO {
+        let may_find = is_above || origin == Some(Origin::Lambert);
+        if may_find && self.lambert != Vec3A::ZERO {
             pdfs.lambert = pdf_cosine_hemisphere(wi.dot(self.lambert_normal()));
-            values.lambert = self.lambert * pdfs.lambert;
+            if is_above {
+                values.lambert = self.lambert * pdfs.lambert;
+            }
         }
         if !self.lobes.is_empty() {
-            pdfs.own = self.eval_own(wi, is_above, &mut values);
+            pdfs.own = self.eval_own(wi, is_above, origin, &mut values);
         }
         (values, pdfs)
     }
 
     /// Adds the closures' values and returns the density of their sampler.
-    fn eval_own(&self, wi: Vec3A, is_above: bool, values: &mut LobeValues) -> f32 {
+    fn eval_own(
+        &self,
+        wi: Vec3A,
+        is_above: bool,
+        origin: Option<Origin>,
+        values: &mut LobeValues,
+    ) -> f32 {
         let (mut pdf, mut total) = (0.0, 0.0);
         let (mut view, mut wi_local) = (u8::MAX, Vec3A::ZERO);
-        for lobe in &self.lobes {
+        for (index, lobe) in self.lobes.iter().enumerate() {
             if lobe.view != view {
                 view = lobe.view;
                 wi_local = self.views[view as usize].frame.to_local(wi);
             }
             let weight = luminance(lobe.albedo());
             total += weight;
-            let Some(scattered) = lobe.eval(self.views[view as usize].wo, wi_local) else {
+            let seen = &self.views[view as usize];
+            if seen.is_behind && lobe.is_of_facets() {
+                continue;
+            }
+            let Some(scattered) = lobe.eval(seen.wo, wi_local) else {
                 continue;
             };
-            if lobe.may_leave(scattered.part, is_above) {
-                let is_wide = lobe.is_wide();
-                let shadow = if is_wide {
-                    self.bump_shadow(lobe.view, wi)
-                } else {
-                    1.0
-                };
-                values.add_scattered(&scattered, is_wide, shadow);
+            let is_drawn = origin == Some(Origin::Lobe(index as u8));
+            let is_outside = is_above != seen.is_turned;
+            let may_leave = lobe.may_leave(scattered.part, is_outside);
+            if may_leave || is_drawn {
+                let factor = self.factor(lobe, &scattered, wi, (may_leave, is_drawn));
+                values.add_scattered(&scattered, lobe.is_wide(), factor);
                 pdf += weight * scattered.pdf_solid_angle;
             }
         }
         if total > 0.0 { pdf / total } else { 0.0 }
+    }
+
+    /// Share of what a closure scatters that bumps leave. As in Cycles its own samples are kept where their
+    /// direction leaves the flat surface, even if it does not leave the smooth one, but for those that a
+    /// diffuse closure reflects; and bumps take nothing from samples that come through.
+    fn factor(
+        &self,
+        lobe: &Lobe,
+        scattered: &Scattered,
+        wi: Vec3A,
+        (may_leave, is_drawn): (bool, bool),
+    ) -> f32 {
+        let comes_through = is_drawn && scattered.part == Part::Transmission;
+        if !lobe.is_wide() || comes_through {
+            return 1.0;
+        }
+        match may_leave {
+            true => self.bump_shadow(lobe.view, wi),
+            false => 0.0,
+        }
     }
 
     /// Share of the light from `wi` that bumps do not keep from a wide lobe: without it they end
@@ -743,18 +820,19 @@ impl Bsdf {
         let total: f32 = self.lobes.iter().map(weight).sum();
         let mut rest = u_lobe * total;
         let mut chosen = None;
-        for lobe in &self.lobes {
+        for (index, lobe) in self.lobes.iter().enumerate() {
             let weight = weight(lobe);
             if weight > 0.0 {
                 // Rounding may leave a rest behind the last lobe.
-                chosen = Some((lobe, rest / weight));
+                chosen = Some((index, rest / weight));
                 if rest < weight {
                     break;
                 }
             }
             rest -= weight;
         }
-        let (lobe, u_choice) = chosen?;
+        let (index, u_choice) = chosen?;
+        let lobe = &self.lobes[index];
         let view = &self.views[lobe.view as usize];
         let local = lobe.sample(view.wo, u_choice, u)?;
         let direction = view.frame.to_world(local);
@@ -764,6 +842,7 @@ impl Bsdf {
             direction,
             part,
             alpha: lobe.alpha(),
+            origin: Origin::Lobe(index as u8),
         })
     }
 
@@ -775,11 +854,12 @@ impl Bsdf {
                 direction: self.sample_lambert(u)?,
                 part: Part::Diffuse,
                 alpha: 1.0,
+                origin: Origin::Lambert,
             }
         } else {
             self.sample_own((u_lobe - probability) / (1.0 - probability), u)?
         };
-        let (value, pdfs) = self.eval(drawn.direction);
+        let (value, pdfs) = self.eval_drawn(&drawn);
         // A black surface has no density: dividing by it would spoil the light it emits itself.
         (self.pdf(pdfs) > 0.0).then_some(BsdfSample {
             direction: drawn.direction,

@@ -250,7 +250,7 @@ impl Emitter for Area {
         let distance = distance_squared.sqrt();
         let cos_light = (height / distance).max(0.05); // its edges stand higher than its centre
         let cos = (above / distance).min(1.0);
-        let narrowed = luminance(self.power) * self.largest_factor(receiver.point);
+        let narrowed = luminance(self.power.abs()) * self.largest_factor(receiver.point);
         narrowed / PI * cos * cos_light / distance_squared
     }
 
@@ -294,7 +294,7 @@ impl Emitter for Area {
         Some(Extent {
             low: self.center - radius,
             high: self.center + radius,
-            intensity: gain * luminance(self.power) / PI,
+            intensity: gain * luminance(self.power.abs()) / PI,
             normals: NormalCone {
                 axis: self.normal,
                 angle: 0.0,

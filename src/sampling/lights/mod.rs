@@ -495,7 +495,7 @@ fn lamp_with_nodes(frame: &SceneFrame, light: &Light) -> Option<Box<dyn Emitter>
 /// The emitter of a lamp without its nodes; `None` for one that cannot shine.
 fn lamp(light: &Light) -> Option<Box<dyn Emitter>> {
     let (placement, power) = (&light.world_from_light, light.power);
-    if !(power.max_element() > 0.0) {
+    if power == Vec3A::ZERO || !power.is_finite() {
         return None;
     }
     let sphere = |radius, soft, cone| Box::new(Sphere::new(placement, power, radius, soft, cone));

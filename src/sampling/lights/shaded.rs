@@ -101,7 +101,7 @@ impl Shaded {
             };
             let sample = self.lamp.sample(&receiver, 0.5, [u[1], u[0]])?;
             let seen = Seen::new(receiver.point, sample.direction, sample.distance);
-            Some(luminance(self.factor(seen)))
+            Some(luminance(self.factor(seen).abs()))
         };
         let (sum, count) = grid
             .filter_map(probe)

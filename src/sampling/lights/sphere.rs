@@ -223,7 +223,7 @@ impl Emitter for Sphere {
         if !self.cone.is_none_or(reaches) {
             return 0.0;
         }
-        luminance(self.power) * cos / (4.0 * PI * distance * distance)
+        luminance(self.power.abs()) * cos / (4.0 * PI * distance * distance)
     }
 
     fn sample(&self, receiver: &Receiver, _: f32, u: [f32; 2]) -> Option<LightSample> {
@@ -241,7 +241,7 @@ impl Emitter for Sphere {
         } else {
             self.pdf(point, normal, direction, distance)
         };
-        let useful = radiance.max_element() > 0.0 && distance > 0.0 && radiance.is_finite();
+        let useful = radiance != Vec3A::ZERO && distance > 0.0 && radiance.is_finite();
         (useful && pdf_solid_angle > 0.0).then_some(LightSample {
             direction,
             distance,
@@ -266,7 +266,7 @@ impl Emitter for Sphere {
     }
 
     fn extent(&self) -> Option<Extent> {
-        let intensity = luminance(self.power) / (4.0 * PI);
+        let intensity = luminance(self.power.abs()) / (4.0 * PI);
         let (normals, reach) = match self.cone {
             None => (NormalCone::ALL, FRAC_PI_2),
             Some(cone) => {

@@ -44,7 +44,7 @@ impl Sun {
 impl Emitter for Sun {
     fn irradiance(&self, receiver: &Receiver) -> f32 {
         let cos = receiver.normal.dot(self.frame.normal());
-        luminance(self.irradiance) * (cos + self.sin_half_angle).clamp(0.0, 1.0)
+        luminance(self.irradiance.abs()) * (cos + self.sin_half_angle).clamp(0.0, 1.0)
     }
 
     fn sample(&self, _: &Receiver, _: f32, u: [f32; 2]) -> Option<LightSample> {

@@ -237,9 +237,9 @@ pub fn volume(a: &Args) -> Closure {
     })
 }
 
-/// Lamps do not absorb: negative light is none.
+/// May be below zero: users take light away with it, as in Cycles.
 pub fn emission(a: &Args) -> Closure {
-    Closure::Emission((weight(a) * vector(a, 1)).max(Vec3A::ZERO))
+    Closure::Emission(weight(a) * vector(a, 1))
 }
 
 pub fn transparent(a: &Args) -> Closure {

@@ -141,6 +141,7 @@ pub fn powers(
     shading: Option<&Shading>,
     sides: Sides,
 ) -> Vec<f32> {
+    let strength = |radiance: Vec3A| luminance(radiance.abs());
     let probed = |facet: &Facet, nodes: &Program, shading: &Shading| {
         let direction = -facet.area_normal();
         let spot = |at: Vec2| Spot {
@@ -148,14 +149,14 @@ pub fn powers(
             at,
             time: MIDDLE_TIME,
         };
-        let at = |probe: Vec2| luminance(shading.radiance(nodes, spot(probe), direction));
+        let at = |probe: Vec2| strength(shading.radiance(nodes, spot(probe), direction));
         PROBES.map(at).iter().sum::<f32>() / PROBES.len() as f32
     };
     let radiances: Vec<f32> = facets
         .iter()
         .map(|facet| match (&glows[facet.glow as usize], shading) {
             (Glow::Nodes(nodes), Some(shading)) => probed(facet, nodes, shading),
-            (Glow::Uniform(radiance), _) => luminance(*radiance),
+            (Glow::Uniform(radiance), _) => strength(*radiance),
             _ => 0.0,
         })
         .collect();

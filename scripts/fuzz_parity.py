@@ -1,0 +1,526 @@
+"""Compare DualCone with Cycles on scenes that chance makes: python scripts/fuzz_parity.py FIRST LAST.
+
+    python scripts/fuzz_parity.py 0 99 [--samples 128] [--side 40] [--links 0.1] [--keep FOLDER] [--all]
+
+Each seed makes a scene of some meshes with materials of random nodes, lamps and a world, and renders it by
+path tracing and by Cycles. Of what differs beyond noise all is taken out that can be while it still differs;
+the rest is printed, and stored as a blend file with --keep. What it was becomes a row of tests/parity.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import random
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import bpy  # first: it brings its own numpy settings and libraries
+
+import local_addon
+from dualcone.chart.cycles import silent, without_bias
+
+local_addon.load()  # puts the root on the path
+from tests.parity import judge  # noqa: E402
+
+Socket = Any
+Node = Any
+
+# How deep a graph may get below its shader.
+DEPTH = 3
+SHADERS = (
+    "ShaderNodeBsdfPrincipled",
+    "ShaderNodeBsdfDiffuse",
+    "ShaderNodeBsdfAnisotropic",
+    "ShaderNodeBsdfMetallic",
+    "ShaderNodeBsdfGlass",
+    "ShaderNodeBsdfRefraction",
+    "ShaderNodeBsdfTranslucent",
+    "ShaderNodeBsdfTransparent",
+    "ShaderNodeBsdfSheen",
+    "ShaderNodeBsdfToon",
+    "ShaderNodeSubsurfaceScattering",
+    "ShaderNodeEmission",
+)
+# What may give a value or a colour, and what a vector; None is for coordinates.
+TEXTURES = (
+    "ShaderNodeTexNoise",
+    "ShaderNodeTexVoronoi",
+    "ShaderNodeTexWave",
+    "ShaderNodeTexMagic",
+    "ShaderNodeTexChecker",
+    "ShaderNodeTexBrick",
+    "ShaderNodeTexGradient",
+    "ShaderNodeTexWhiteNoise",
+)
+INPUTS = (
+    "ShaderNodeNewGeometry",
+    "ShaderNodeTexCoord",
+    "ShaderNodeObjectInfo",
+    "ShaderNodeLayerWeight",
+    "ShaderNodeFresnel",
+    "ShaderNodeLightPath",
+    "ShaderNodeCameraData",
+    "ShaderNodeVertexColor",
+    "ShaderNodeWireframe",
+    "ShaderNodeTangent",
+    "ShaderNodeUVMap",
+    "ShaderNodeBlackbody",
+    "ShaderNodeWavelength",
+)
+CONVERTERS = (
+    "ShaderNodeMath",
+    "ShaderNodeVectorMath",
+    "ShaderNodeMix",
+    "ShaderNodeMapRange",
+    "ShaderNodeClamp",
+    "ShaderNodeValToRGB",
+    "ShaderNodeRGBCurve",
+    "ShaderNodeVectorCurve",
+    "ShaderNodeFloatCurve",
+    "ShaderNodeHueSaturation",
+    "ShaderNodeBrightContrast",
+    "ShaderNodeGamma",
+    "ShaderNodeInvert",
+    "ShaderNodeSeparateColor",
+    "ShaderNodeCombineColor",
+    "ShaderNodeSeparateXYZ",
+    "ShaderNodeCombineXYZ",
+    "ShaderNodeRGBToBW",
+    "ShaderNodeMapping",
+    "ShaderNodeVectorRotate",
+    "ShaderNodeVectorTransform",
+    "ShaderNodeNormal",
+    "ShaderNodeBump",
+    "ShaderNodeNormalMap",
+)
+# What is a node's own but changes no picture.
+NO_CHOICES = {"color_tag", "warning_propagation", "from_instancer", "bl_icon", "is_active_output"}
+# Between these a number is drawn whose socket has the name.
+RANGES = {
+    "Scale": (0.5, 6.0),
+    "Detail": (0.0, 4.0),
+    "Roughness": (0.0, 1.0),
+    "Coat Roughness": (0.0, 1.0),
+    "Lacunarity": (1.5, 3.0),
+    "Distortion": (0.0, 2.0),
+    "IOR": (1.05, 2.2),
+    "Coat IOR": (1.05, 2.2),
+    "Strength": (0.0, 1.5),
+    "Emission Strength": (0.0, 0.5),
+    "Temperature": (1500.0, 9000.0),
+    "Wavelength": (400.0, 700.0),
+    "Gamma": (0.5, 2.0),
+    "Thin Film Thickness": (0.0, 900.0),
+    "Thin Film IOR": (1.05, 2.2),
+    "Subsurface IOR": (1.05, 2.2),
+    "Size": (0.0, 0.5),
+    "Subsurface Scale": (0.05, 0.5),
+    "Distance": (0.05, 0.5),
+}
+
+
+class Maker:
+    """Makes a scene from a seed."""
+
+    def __init__(self, seed: int, links: float) -> None:
+        self.chance = random.Random(seed)
+        self.links = links
+
+    def build(self) -> Any:
+        """Return a new scene, in place of whatever was open."""
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        scene: Any = bpy.context.scene
+        self._floor()
+        for _ in range(self.chance.randint(1, 3)):
+            self._thing()
+        for _ in range(self.chance.randint(1, 2)):
+            self._lamp(scene)
+        self._world(scene)
+        self._camera(scene)
+        return scene
+
+    def _floor(self) -> None:
+        bpy.ops.mesh.primitive_plane_add(size=8.0)
+        self._dress(bpy.context.object)
+
+    def _thing(self) -> None:
+        chance, ops = self.chance, bpy.ops.mesh
+        where = (chance.uniform(-1.6, 1.6), chance.uniform(-1.6, 1.6), chance.uniform(0.5, 1.3))
+        turn = tuple(chance.uniform(0.0, 6.0) for _ in range(3))
+        kind = chance.choice(("cube", "uv_sphere", "torus", "cylinder", "monkey", "ico_sphere"))
+        getattr(ops, f"primitive_{kind}_add")(location=where, rotation=turn)
+        thing: Any = bpy.context.object
+        thing.scale = tuple(chance.uniform(0.4, 0.9) for _ in range(3))
+        if kind == "cube":
+            self._colors(thing)
+        if chance.random() < 0.5:
+            bpy.ops.object.shade_smooth()
+        if chance.random() < 0.3:
+            thing.modifiers.new("Subdivision", "SUBSURF").levels = 1
+        self._dress(thing)
+
+    def _colors(self, thing: Any) -> None:
+        colors = thing.data.color_attributes.new("Col", "FLOAT_COLOR", "CORNER")
+        for item in colors.data:
+            item.color = (*(self.chance.random() for _ in range(3)), 1.0)
+
+    def _dress(self, thing: Any) -> None:
+        material: Any = bpy.data.materials.new(thing.name)
+        if bpy.app.version < (5, 0, 0):
+            material.use_nodes = True
+        tree = material.node_tree
+        tree.nodes.clear()
+        out = tree.nodes.new("ShaderNodeOutputMaterial")
+        tree.links.new(self._shader(tree, 0).outputs[0], out.inputs["Surface"])
+        if self.chance.random() < 0.1:
+            bump = tree.nodes.new("ShaderNodeDisplacement")
+            bump.inputs["Scale"].default_value = 0.1
+            self._feed(tree, bump.inputs["Height"], 1, always=True)
+            tree.links.new(bump.outputs[0], out.inputs["Displacement"])
+        thing.data.materials.append(material)
+
+    def _shader(self, tree: Any, depth: int) -> Node:
+        roll = self.chance.random()
+        if depth < 2 and roll < 0.25:
+            node = self._new(
+                tree, self.chance.choice(("ShaderNodeMixShader", "ShaderNodeAddShader"))
+            )
+            shaders = [socket for socket in node.inputs if socket.type == "SHADER"]
+            for socket in shaders:
+                tree.links.new(self._shader(tree, depth + 1).outputs[0], socket)
+            if node.bl_idname == "ShaderNodeMixShader":
+                node.inputs[0].default_value = self.chance.random()
+                self._feed(tree, node.inputs[0], 1)
+            return node
+        kinds = [name for name in SHADERS if hasattr(bpy.types, name)]
+        kind = kinds[0] if self.chance.random() < 0.5 else self.chance.choice(kinds)
+        return self._filled(tree, kind, 0)
+
+    def _new(self, tree: Any, kind: str) -> Node:
+        return tree.nodes.new(kind)
+
+    def _filled(self, tree: Any, kind: str, depth: int) -> Node:
+        node = self._new(tree, kind)
+        self._choose(node)
+        for socket in list(node.inputs):
+            if socket.enabled and socket.type != "SHADER":
+                self._feed(tree, socket, depth + 1)
+        return node
+
+    def _choose(self, node: Node) -> None:
+        """Set the node's own choices."""
+        for prop in node.bl_rna.properties:
+            own = prop.identifier not in bpy.types.Node.bl_rna.properties
+            if prop.is_readonly or not own or prop.identifier in NO_CHOICES:
+                continue
+            if self.chance.random() < 0.5:
+                continue
+            try:
+                if prop.type == "ENUM":
+                    items = [item.identifier for item in prop.enum_items]
+                    value = self.chance.choice(items)
+                    setattr(node, prop.identifier, value)
+                elif prop.type == "BOOLEAN":
+                    setattr(node, prop.identifier, self.chance.random() < 0.5)
+            except (TypeError, AttributeError):
+                pass  # a choice that this Blender does not offer here
+        for curve in getattr(getattr(node, "mapping", None), "curves", ()):
+            curve.points.new(0.4, self.chance.random())
+        if hasattr(getattr(node, "mapping", None), "update"):
+            node.mapping.update()
+
+    def _feed(self, tree: Any, socket: Socket, depth: int, always: bool = False) -> None:
+        """Give a socket a value or a node."""
+        chance = self.chance
+        is_normal = socket.name in ("Normal", "Coat Normal", "Tangent")
+        likely = 0.5 * self.links if is_normal else self.links
+        if depth <= DEPTH and (always or chance.random() < likely):
+            self._link(tree, socket, depth, is_normal)
+        elif not socket.hide_value and chance.random() < 0.6:
+            self._set(socket)
+
+    def _link(self, tree: Any, socket: Socket, depth: int, is_normal: bool) -> None:
+        if is_normal:
+            kinds: tuple[str, ...] = ("ShaderNodeBump", "ShaderNodeNormalMap")
+        else:
+            kinds = self.chance.choice((TEXTURES, TEXTURES, INPUTS, CONVERTERS))
+        kinds = tuple(kind for kind in kinds if hasattr(bpy.types, kind))
+        node = self._filled(tree, self.chance.choice(kinds), depth)
+        outputs = [out for out in node.outputs if out.enabled and out.type != "SHADER"]
+        if outputs:
+            out = self.chance.choice(outputs)
+            tree.links.new(out, socket)
+
+    def _set(self, socket: Socket) -> None:
+        chance = self.chance
+        if socket.type == "RGBA":
+            socket.default_value = (*(chance.random() for _ in range(3)), 1.0)
+        elif socket.type == "VECTOR":
+            values = [chance.uniform(0.0, 2.0) for _ in socket.default_value]
+            socket.default_value = values
+        elif socket.type == "VALUE":
+            prop = socket.bl_rna.properties["default_value"]
+            low, high = RANGES.get(socket.name, (max(prop.soft_min, -2.0), min(prop.soft_max, 2.0)))
+            if socket.name not in RANGES and socket.bl_idname.endswith("Factor"):
+                low, high = 0.0, 1.0
+            socket.default_value = chance.uniform(low, high)
+
+    def _lamp(self, scene: Any) -> None:
+        chance = self.chance
+        kind = chance.choice(("POINT", "SUN", "SPOT", "AREA"))
+        data: Any = bpy.data.lights.new(kind, kind)
+        data.energy = chance.uniform(1.0, 4.0) * (1.0 if kind == "SUN" else 100.0)
+        data.color = tuple(chance.uniform(0.5, 1.0) for _ in range(3))
+        if kind == "SUN":
+            data.angle = chance.uniform(0.0, 0.3)
+        elif kind == "AREA":
+            data.shape = chance.choice(("SQUARE", "RECTANGLE", "DISK", "ELLIPSE"))
+            data.size, data.size_y = chance.uniform(0.3, 2.0), chance.uniform(0.3, 2.0)
+            data.spread = chance.choice((math.pi, chance.uniform(0.5, 3.0)))
+        else:
+            data.shadow_soft_size = chance.choice((0.0, chance.uniform(0.05, 0.5)))
+        if kind == "SPOT":
+            data.spot_size, data.spot_blend = chance.uniform(0.5, 2.0), chance.random()
+        lamp: Any = bpy.data.objects.new(kind, data)
+        lamp.location = (chance.uniform(-3, 3), chance.uniform(-3, 3), chance.uniform(2.5, 4.0))
+        lamp.rotation_euler = (chance.uniform(-0.6, 0.6), chance.uniform(-0.6, 0.6), 0.0)
+        scene.collection.objects.link(lamp)
+
+    def _world(self, scene: Any) -> None:
+        world: Any = bpy.data.worlds.new("World")
+        if bpy.app.version < (5, 0, 0):
+            world.use_nodes = True
+        background = world.node_tree.nodes["Background"]
+        background.inputs["Color"].default_value = (*(self.chance.random() for _ in range(3)), 1.0)
+        background.inputs["Strength"].default_value = self.chance.choice((0.0, 0.4, 1.0))
+        scene.world = world
+
+    def _camera(self, scene: Any) -> None:
+        camera: Any = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+        camera.location = (0.0, -7.0, 4.0)
+        camera.rotation_euler = (1.08, 0.0, 0.0)
+        scene.collection.objects.link(camera)
+        scene.camera = camera
+
+
+@dataclass(frozen=True)
+class Step:
+    """Something that can be taken out of a scene, and put back."""
+
+    out: Callable[[], None]
+    back: Callable[[], None]
+
+
+def steps_of(scene: Any) -> list[Step]:
+    """Everything that a scene can do without: things, then links of materials."""
+    things = [thing for thing in scene.objects if thing.type != "CAMERA"]
+    steps = [
+        Step(
+            partial(setattr, thing, "hide_render", True),
+            partial(setattr, thing, "hide_render", False),
+        )
+        for thing in things
+    ]
+    trees = [material.node_tree for material in bpy.data.materials]
+    for tree in trees:
+        for link in tree.links:
+            ends = link.from_socket, link.to_socket
+            steps.append(Step(partial(unlink, tree, *ends), partial(tree.links.new, *ends)))
+    settings = [setting for tree in trees for node in tree.nodes for setting in settings_of(node)]
+    steps += [Step(s.forget, partial(s.set, s.value)) for s in settings if s.value != s.default]
+    return steps
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A choice of a node, or the value of one of its sockets."""
+
+    owner: Any
+    name: str
+    label: str
+    value: Any
+    default: Any
+
+    def set(self, value: Any) -> None:
+        setattr(self.owner, self.name, value)
+
+    def forget(self) -> None:
+        """Set it to what it is in a new node."""
+        self.set(self.default)
+
+
+def settings_of(node: Node) -> list[Setting]:
+    """All of a node's, choices first."""
+    tree = bpy.data.materials.new("Scratch") if node.bl_idname not in FRESH else None
+    if tree is not None:
+        if bpy.app.version < (5, 0, 0):
+            tree.use_nodes = True  # type: ignore[attr-defined]
+        fresh: Any = tree.node_tree.nodes.new(node.bl_idname)  # type: ignore[union-attr]
+        FRESH[node.bl_idname] = values_of(fresh)
+        bpy.data.materials.remove(tree)
+    fresh_values = FRESH[node.bl_idname]
+    return [
+        Setting(owner, name, label, value, fresh_values[at][3])
+        for at, (owner, name, label, value) in enumerate(values_of(node))
+    ]
+
+
+FRESH: dict[str, list[tuple[Any, str, str, Any]]] = {}
+
+
+def values_of(node: Node) -> list[tuple[Any, str, str, Any]]:
+    """Owner, name, label and value of each setting, always in the same order."""
+    found: list[tuple[Any, str, str, Any]] = []
+    for prop in node.bl_rna.properties:
+        own = prop.identifier not in bpy.types.Node.bl_rna.properties
+        if own and prop.type in ("ENUM", "BOOLEAN") and not prop.is_readonly:
+            if prop.identifier not in NO_CHOICES:
+                name = prop.identifier
+                found.append((node, name, name, getattr(node, name)))
+    for socket in node.inputs:
+        if hasattr(socket, "default_value"):
+            value = socket.default_value
+            value = value if isinstance(value, (int, float, str)) else tuple(value)
+            found.append((socket, "default_value", socket.name, value))
+    return found
+
+
+def unlink(tree: Any, start: Socket, end: Socket) -> None:
+    """Take out the link between two sockets."""
+    for link in list(tree.links):
+        if link.from_socket == start and link.to_socket == end:
+            tree.links.remove(link)
+
+
+def reduce(scene: Any, differs: Callable[[], bool]) -> None:
+    """Take out of a scene whatever leaves it different (delta debugging, Zeller 1999)."""
+    steps = steps_of(scene)
+    size = max(1, len(steps) // 2)
+    while steps:
+        kept: list[Step] = []
+        for first in range(0, len(steps), size):
+            part = steps[first : first + size]
+            for step in part:
+                step.out()
+            if not differs():
+                for step in reversed(part):
+                    step.back()
+                kept += part
+        if size == 1 and len(kept) == len(steps):
+            return
+        steps, size = kept, max(1, size // 2)
+
+
+def description(scene: Any) -> str:
+    """What is left of a scene, a line for each thing that is seen."""
+    lines = []
+    for thing in scene.objects:
+        if thing.hide_render or thing.type == "CAMERA":
+            continue
+        lines.append(
+            f"{thing.name}: " + "; ".join(look(slot.material) for slot in thing.material_slots)
+        )
+    return "\n    ".join(lines)
+
+
+def look(material: Any) -> str:
+    """The nodes that reach a material's output."""
+    tree = material.node_tree
+    todo = [node for node in tree.nodes if node.type == "OUTPUT_MATERIAL"]
+    parts: list[str] = []
+    seen = set()
+    while todo:
+        node = todo.pop()
+        if node.name in seen:
+            continue
+        seen.add(node.name)
+        parts.append(f"{node.name}({', '.join(choices_of(node))})")
+        todo += [link.from_node for socket in node.inputs for link in socket.links]
+    return " ".join(reversed(parts))
+
+
+def choices_of(node: Node) -> list[str]:
+    """What feeds a node, and what it has that a new one has not."""
+    linked = [socket for socket in node.inputs if socket.links]
+    links = [(socket.name, socket.links[0]) for socket in linked]
+    texts = [f"{name}<-{link.from_node.name}.{link.from_socket.name}" for name, link in links]
+    changed = [s for s in settings_of(node) if s.value != s.default and s.owner not in linked]
+    return texts + [f"{setting.label}={short(setting.value)}" for setting in changed]
+
+
+def short(value: Any) -> str:
+    if isinstance(value, tuple):
+        return ",".join(short(number) for number in value)
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def compare(scene: Any, samples: int) -> tuple[str, str]:
+    """Verdict and figures."""
+    theirs = judge.cycles(scene, samples, 0), judge.cycles(scene, samples, 1)
+    expected = judge.Reference.of(theirs)
+    with judge.warnings_heard() as heard:
+        ours = judge.ours(scene, "PATH", samples, 2), judge.ours(scene, "PATH", samples, 3)
+    row = judge.Row("fuzz", "", lambda stage: None, {})
+    outcome = judge.Outcome(row, expected, ours, None, tuple(dict.fromkeys(heard)))
+    energy = " ".join(f"{share:.3f}" for share in outcome.energy[:3])
+    error = float(outcome.energy_error[:3].max())
+    figures = f"energy {energy} +-{error:.3f}  relMSE {outcome.relative_mse:.1e}"
+    figures += f" +-{outcome.relative_mse_error:.1e}"
+    return outcome.verdict, figures + "".join(f"; {line}" for line in outcome.warnings)
+
+
+def prepared(seed: int, links: float, samples: int, side: int) -> Any:
+    """Make the scene of a seed, without limits of light."""
+    scene = Maker(seed, links).build()
+    without_bias(scene, samples, 0)
+    scene.render.resolution_x = scene.render.resolution_y = side
+    scene.render.resolution_percentage = 100
+    return scene
+
+
+def parse_arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("first", type=int)
+    parser.add_argument("last", type=int)
+    parser.add_argument("--samples", type=int, default=128)
+    parser.add_argument("--side", type=int, default=40, help="pixels")
+    parser.add_argument("--links", type=float, default=0.1, help="share of sockets with nodes")
+    parser.add_argument("--keep", type=Path, help="folder for scenes that differ")
+    parser.add_argument("--all", action="store_true", help="print those that agree too")
+    parser.add_argument("--whole", action="store_true", help="do not reduce what differs")
+    return parser.parse_args()
+
+
+def main() -> None:
+    arguments = parse_arguments()
+    counts: Counter[str] = Counter()
+    with local_addon.registered():
+        for seed in range(arguments.first, arguments.last + 1):
+            with silent():
+                scene = prepared(seed, arguments.links, arguments.samples, arguments.side)
+                verdict, figures = compare(scene, arguments.samples)
+                counts[verdict] += 1
+                if verdict == "differs" and not arguments.whole:
+                    reduce(scene, lambda: compare(scene, arguments.samples)[0] == "differs")
+                    figures += "\n  " + compare(scene, arguments.samples)[1]
+            if verdict == "differs" or arguments.all:
+                print(
+                    f"{seed}: {verdict}  {figures}\n    {description(scene)}",
+                    file=sys.stderr,
+                    flush=True,
+                )
+            if arguments.keep and verdict == "differs":
+                arguments.keep.mkdir(parents=True, exist_ok=True)
+                with silent():
+                    bpy.ops.wm.save_as_mainfile(filepath=str(arguments.keep / f"{seed}.blend"))
+    print(dict(counts), file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()
