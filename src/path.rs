@@ -17,6 +17,7 @@ use crate::sampling::{
     Bsdf, BsdfSample, LightSampler, LobeValues, Part, Receiver, Sampler, Strategy,
 };
 use crate::scene::{Links, Membership, SceneFrame};
+use crate::subsurface;
 use crate::surface::{self, Surface};
 
 mod arrival;
@@ -200,15 +201,16 @@ impl<'a> Tracer<'a> {
         from: &Bounces,
         sampler: &Sampler,
     ) -> Option<(Surface, Vec3A)> {
-        let below = surface.below.as_ref()?;
+        let mut numbers = sampler.walk(from.total);
+        let (below, pmf) = subsurface::choose(&surface.below, &mut numbers)?;
         let entered = Entered {
             tracer: self,
             surface,
         };
-        let exit = below.scatter(&entered, &mut sampler.walk(from.total))?;
+        let exit = below.scatter(&entered, &mut numbers)?;
         let mut outside = surface::exit(self.frame, &exit.hit, &exit.ray, &from.ray_info(None));
         outside.passed = surface.passed;
-        Some((outside, below.weight * exit.carried))
+        Some((outside, below.weight * exit.carried / pmf))
     }
 
     /// The path that goes on, if one does.

@@ -1,10 +1,7 @@
 //! Light that enters a body and leaves it somewhere else: by a walk, or by the distance alone.
 //!
 //! A method is a file of this folder and a line of [`Subsurface::scatter`]. Where light leaves, the
-//! surface is a Lambert one.
-//!
-//! # Departures from Cycles
-//! Of several such closures of one surface the mean scatters, by the method of the first.
+//! surface is a Lambert one. Of several such closures of a surface one is chosen by its weight.
 
 mod disk;
 mod walk;
@@ -102,18 +99,24 @@ impl Subsurface {
         let is_wide = self.radius.cmpgt(Vec3A::splat(RADIUS_MIN));
         Vec3A::select(is_wide, Vec3A::ONE, Vec3A::ZERO)
     }
+}
 
-    /// Takes up another closure of the same surface.
-    pub fn absorb(&mut self, other: &Self) {
-        let (own, added) = (luminance(self.weight), luminance(other.weight));
-        let t = added / (own + added).max(f32::MIN_POSITIVE);
-        self.weight += other.weight;
-        self.color = self.color.lerp(other.color, t);
-        self.radius = self.radius.lerp(other.radius, t);
-        self.anisotropy += t * (other.anisotropy - self.anisotropy);
-        self.ior += t * (other.ior - self.ior);
-        self.alpha += t * (other.alpha - self.alpha);
+/// One of several closures of a surface, by its weight, and its probability.
+pub fn choose<'a>(closures: &'a [Subsurface], numbers: &mut Walk) -> Option<(&'a Subsurface, f32)> {
+    if let [only] = closures {
+        return Some((only, 1.0));
     }
+    let weight = |closure: &Subsurface| luminance(closure.weight);
+    let total: f32 = closures.iter().map(weight).sum();
+    let mut rest = numbers.next() * total;
+    for closure in closures {
+        rest -= weight(closure);
+        if rest < 0.0 {
+            return Some((closure, weight(closure) / total));
+        }
+    }
+    let last = closures.last().filter(|last| weight(last) > 0.0)?;
+    Some((last, weight(last) / total))
 }
 
 /// A channel by these weights, and the probability of each.

@@ -32,7 +32,7 @@ pub struct Surface {
     /// How it reflects.
     pub bsdf: Bsdf,
     /// Light that enters and leaves elsewhere.
-    pub below: Option<Box<Subsurface>>,
+    pub below: Vec<Subsurface>,
     /// Radiance that it emits towards the viewer.
     pub emission: Vec3A,
     /// The sets of things that it is in.
@@ -153,7 +153,7 @@ impl Surface {
         let bsdf = Bsdf::new(self.geometric_normal, -self.geometric_normal, true);
         Self {
             bsdf,
-            below: None,
+            below: Vec::new(),
             emission: self.emission * factor,
             ..self
         }
@@ -164,7 +164,7 @@ impl Surface {
         if share != Vec3A::ONE {
             self.bsdf.tint(share);
             self.emission *= share;
-            if let Some(below) = &mut self.below {
+            for below in &mut self.below {
                 below.weight *= share;
             }
         }
@@ -172,25 +172,24 @@ impl Surface {
 
     /// Share of white light that comes back, from below the surface too.
     pub fn albedo(&self) -> Vec3A {
-        let below = self.below.as_ref();
-        self.bsdf.albedo() + below.map_or(Vec3A::ZERO, |below| below.weight)
+        self.bsdf.albedo() + self.albedo_below()
+    }
+
+    fn albedo_below(&self) -> Vec3A {
+        self.below.iter().map(|below| below.weight).sum()
     }
 
     /// The same, as passes divide it: see [`Bsdf::colors`].
     pub fn colors(&self) -> [Vec3A; 3] {
         let mut colors = self.bsdf.colors();
-        if let Some(below) = &self.below {
-            colors[0] += below.weight;
-        }
+        colors[0] += self.albedo_below();
         colors
     }
 
     /// What denoisers are told of it: see [`Bsdf::guides`].
     pub fn guides(&self, clear_alpha: f32) -> Guides {
-        let below = self
-            .below
-            .as_ref()
-            .map(|below| (below.weight, below.normal));
+        let below = self.below.iter();
+        let below = below.map(|below| (below.weight, below.normal));
         self.bsdf.guides(clear_alpha, below)
     }
 
@@ -241,7 +240,7 @@ fn bare(frame: &SceneFrame, hit: &Hit, point: &Point, time: f32) -> Surface {
         normal: point.normal,
         bsdf: Bsdf::new(point.geometric_normal, point.incoming, !point.is_back)
             .with_smooth_normal(point.normal),
-        below: None,
+        below: Vec::new(),
         emission: Vec3A::ZERO,
         membership: frame.instances[hit.instance as usize].membership,
         holdout: 0.0,
@@ -365,10 +364,8 @@ impl Surface {
             normal,
             ..below
         };
-        match &mut self.below {
-            _ if below.weight == Vec3A::ZERO => {}
-            Some(other) => other.absorb(&below),
-            None => self.below = Some(Box::new(below)),
+        if below.weight != Vec3A::ZERO {
+            self.below.push(below);
         }
     }
 }
@@ -433,7 +430,7 @@ pub fn in_medium(ray: &Ray, collision: &Collision) -> Surface {
         geometric_normal: viewer,
         normal: viewer,
         bsdf,
-        below: None,
+        below: Vec::new(),
         emission: Vec3A::ZERO,
         membership: Membership::ALL,
         holdout: 0.0,

@@ -423,6 +423,7 @@ impl Subsurface {
 mod tests {
     use super::*;
     use crate::sampling::Sampler;
+    use crate::subsurface::choose;
     use std::cell::Cell;
     use std::f32::consts::PI;
 
@@ -500,23 +501,31 @@ mod tests {
         }
     }
 
+    /// Chosen closures over their probabilities add up to all of them; standard errors are 0.5 %.
     #[test]
-    fn closures_of_one_surface_become_their_mean_by_weight() {
-        let mut sum = body(0.2, 0.0, Method::Plain);
-        let other = Subsurface {
-            radius: Vec3A::splat(3.0),
-            ior: 1.81,
-            alpha: 0.2,
-            ..body(0.6, 0.8, Method::Plain)
-        };
-        let expected = 0.25 * sum.radius + 0.75 * other.radius;
-        sum.absorb(&other);
-        let off =
-            (sum.weight - 0.8).abs() + (sum.color - 0.5).abs() + (sum.radius - expected).abs();
-        assert!(off.max_element() < 1e-5, "{sum:?}");
-        let numbers = Vec3A::new(sum.anisotropy, sum.ior, sum.alpha);
-        let expected = Vec3A::new(0.6, 1.61, 0.4);
-        assert!((numbers - expected).abs().max_element() < 1e-5, "{sum:?}");
+    fn closures_of_one_surface_are_chosen_by_weight() {
+        let closures = [0.2, 0.6, 0.0].map(|color| body(color, 0.0, Method::Plain));
+        const COUNT: u32 = 4_000;
+        let (mut sum, mut counts) = (Vec3A::ZERO, [0u32; 3]);
+        for i in 0..COUNT {
+            let mut numbers = Sampler::new(3, 1, [i, 0], 0, 1).walk(0);
+            let (chosen, pmf) = choose(&closures, &mut numbers).unwrap();
+            let index = closures.iter().position(|c| c.color == chosen.color);
+            counts[index.unwrap()] += 1;
+            sum += chosen.weight / pmf;
+        }
+        let mean = sum / COUNT as f32;
+        assert!((mean - 0.8).abs().max_element() < 1e-4, "{mean}");
+        let share = counts[0] as f32 / COUNT as f32;
+        assert!(counts[2] == 0 && (share - 0.25).abs() < 0.03, "{counts:?}");
+        assert!(
+            choose(
+                &closures[2..],
+                &mut Sampler::new(3, 1, [0, 0], 0, 1).walk(0)
+            )
+            .is_some()
+        );
+        assert!(choose(&[], &mut Sampler::new(3, 1, [0, 0], 0, 1).walk(0)).is_none());
     }
 
     /// A walk that meets the surface at its 16th step only carries the albedo to the power of 15, be

@@ -60,7 +60,7 @@ impl OrenNayar {
         if wi.z <= 0.0 {
             return None;
         }
-        let mut t = wi.dot(wo) - wi.z * wo.z;
+        let mut t = wi.dot(wo) - wi.z * wo.z.max(0.0);
         if t > 0.0 {
             t /= wi.z.max(wo.z);
         }

@@ -241,14 +241,28 @@ struct View {
     frame: Frame,
     /// What the basis' x axis was made of; zero where it is arbitrary.
     tangent: Vec3A,
-    /// Direction to the viewer, above z = 0.
+    /// Direction to the viewer.
     wo: Vec3A,
     /// Squared alpha of the bumps that bent the normal; see [`Bsdf::bump_shadow`].
     bump: f32,
     /// Whether the normal is on the other side of the smooth surface: what is reflected leaves there.
     is_turned: bool,
-    /// Whether the viewer is behind the normal, where microfacets scatter nothing.
-    is_behind: bool,
+}
+
+impl View {
+    /// Direction to the viewer, lifted above z = 0: microfacets know no other.
+    fn lifted(&self) -> Vec3A {
+        self.wo.with_z(self.wo.z.max(1e-6))
+    }
+
+    /// The same for a closure; `None` where it scatters nothing, the viewer being behind the normal.
+    fn wo_for(&self, lobe: &Lobe) -> Option<Vec3A> {
+        match lobe.model {
+            Model::OrenNayar(_) => Some(self.wo),
+            _ if self.wo.z < 0.0 && lobe.is_of_facets() => None,
+            _ => Some(self.lifted()),
+        }
+    }
 }
 
 /// A surface at a hit, seen from one direction.
@@ -593,26 +607,22 @@ impl Bsdf {
             Some(tangent) => Frame::from_normal_and_tangent(normal, tangent),
             None => Frame::from_normal(normal),
         };
-        let mut wo = frame.to_local(self.wo);
-        let is_behind = wo.z < 0.0;
-        wo.z = wo.z.max(1e-6);
         let cos_bump = self.smooth_normal.dot(normal);
         self.views.push(View {
             frame,
             tangent: tangent.unwrap_or(Vec3A::ZERO),
-            wo,
+            wo: frame.to_local(self.wo),
             bump: match self.has_bump_correction {
                 true => bump_of(cos_bump),
                 false => 0.0,
             },
             is_turned: cos_bump < 0.0,
-            is_behind,
         });
         self.views.len() as u8 - 1
     }
 
     fn cos_wo(&self, view: u8) -> f32 {
-        self.views[view as usize].wo.z
+        self.views[view as usize].lifted().z
     }
 
     /// The index of refraction beyond the surface over that on the viewer's side.
@@ -743,10 +753,8 @@ impl Bsdf {
             let weight = luminance(lobe.albedo());
             total += weight;
             let seen = &self.views[view as usize];
-            if seen.is_behind && lobe.is_of_facets() {
-                continue;
-            }
-            let Some(scattered) = lobe.eval(seen.wo, wi_local) else {
+            let wo = seen.wo_for(lobe);
+            let Some(scattered) = wo.and_then(|wo| lobe.eval(wo, wi_local)) else {
                 continue;
             };
             let is_drawn = origin == Some(Origin::Lobe(index as u8));
@@ -834,7 +842,7 @@ impl Bsdf {
         let (index, u_choice) = chosen?;
         let lobe = &self.lobes[index];
         let view = &self.views[lobe.view as usize];
-        let local = lobe.sample(view.wo, u_choice, u)?;
+        let local = lobe.sample(view.lifted(), u_choice, u)?;
         let direction = view.frame.to_world(local);
         let is_above = direction.dot(self.geometric_normal) > 0.0;
         let part = lobe.part_of(local, u_choice)?;
@@ -914,7 +922,7 @@ impl Bsdf {
         let lobe = &self.lobes[gloss.index];
         let view = &self.views[lobe.view as usize];
         let is_above = wi.dot(self.geometric_normal) > 0.0;
-        let scattered = lobe.eval(view.wo, view.frame.to_local(wi));
+        let scattered = lobe.eval(view.lifted(), view.frame.to_local(wi));
         match scattered {
             Some(scattered) if is_above => scattered.value,
             _ => Vec3A::ZERO,
@@ -946,9 +954,9 @@ impl Bsdf {
         colors
     }
 
-    /// What denoisers are told: closures of at most `clear_alpha` show other things. `below` is the
-    /// albedo and the normal of what comes from below the surface.
-    pub fn guides(&self, clear_alpha: f32, below: Option<(Vec3A, Vec3A)>) -> Guides {
+    /// What denoisers are told: closures of at most `clear_alpha` show other things. `below` are
+    /// albedos and normals of what comes from below the surface.
+    pub fn guides(&self, clear_alpha: f32, below: impl Iterator<Item = (Vec3A, Vec3A)>) -> Guides {
         let lambert = (self.lambert, self.lambert_normal(), 1.0);
         let below = below.map(|(albedo, normal)| (albedo, normal, 1.0));
         let normal = |lobe: &Lobe| self.views[lobe.view as usize].frame.normal();
