@@ -143,7 +143,53 @@ class Maker:
             self._lamp(scene)
         self._world(scene)
         self._camera(scene)
+        self._settings(scene)
         return scene
+
+    def _maybe(self, share: float = 0.07) -> bool:
+        return self.chance.random() < share
+
+    def _settings(self, scene: Any) -> None:
+        """What a scene, its camera, its things and lamps may have beside their defaults, now and then."""
+        chance, cycles, render = self.chance, scene.cycles, scene.render
+        render.film_transparent = self._maybe()
+        for name in ("max", "diffuse", "glossy", "transmission", "transparent_max"):
+            if self._maybe():
+                name = "transparent_max_bounces" if "_" in name else f"{name}_bounces"
+                setattr(cycles, name, chance.randint(0, 3))
+        data = scene.camera.data
+        if self._maybe():
+            data.type, data.ortho_scale = "ORTHO", 6.0
+        data.dof.use_dof = self._maybe()
+        data.dof.focus_distance, data.dof.aperture_fstop = 7.0, 0.3
+        if self._maybe():
+            render.use_border = True
+            render.border_min_x, render.border_max_y = 0.3, 0.8
+        if self._maybe():
+            cycles.film_exposure = 2.0
+        for thing in scene.objects:
+            for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
+                if self._maybe(0.02):
+                    setattr(thing, f"visible_{ray}", False)
+            if thing.type == "MESH":
+                thing.is_holdout, thing.is_shadow_catcher = self._maybe(0.03), self._maybe(0.03)
+                self._move(scene, thing)
+            elif thing.type == "LIGHT":
+                thing.data.use_shadow = not self._maybe(0.04)
+                thing.data.cycles.max_bounces = chance.randint(0, 2) if self._maybe() else 1024
+
+    def _move(self, scene: Any, thing: Any) -> None:
+        """Mirror a thing, copy it, or let it move while the shutter is open."""
+        if self._maybe(0.05):
+            thing.scale.x *= -1.0
+        if self._maybe(0.05):
+            copies = thing.modifiers.new("Array", "ARRAY")
+            copies.count, copies.relative_offset_displace = 2, (0.5, 0.9, 0.3)
+        if self._maybe(0.05):
+            scene.render.use_motion_blur = True
+            for frame in (0, 2):
+                thing.location.x += 0.2 * frame
+                thing.keyframe_insert("location", frame=frame)
 
     def _floor(self) -> None:
         bpy.ops.mesh.primitive_plane_add(size=8.0)

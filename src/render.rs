@@ -13,7 +13,7 @@ use crate::media::Media;
 use crate::path::Tracer;
 use crate::progress::{Phase, Progress};
 use crate::reuse::{
-    Canvas, Estimator, LightTree, Sharing, View, WithEstimator, lenders, window_frames,
+    Canvas, Catchers, Estimator, LightTree, Sharing, View, WithEstimator, lenders, window_frames,
     with_estimator,
 };
 use crate::sampling::{LightSampler, ShutterTimes};
@@ -203,7 +203,10 @@ fn prepare_and_run(job: &Job, progress: &Progress) -> Result<Vec<Rendered>> {
             catchers: prepared
                 .catchers
                 .as_deref()
-                .map(|(catchers, stage)| stage.tracer(catchers, &job.settings)),
+                .map(|(catchers, stage)| Catchers {
+                    alone: stage.tracer(catchers, &job.settings),
+                    numbers: window.frames()[index].catcher_numbers().collect(),
+                }),
             index,
             window: &window,
             region,

@@ -26,7 +26,7 @@ class Faces:
 
     positions: np.ndarray  # (V, 3) m, object
     corner_vertices: np.ndarray  # (K,) vertex
-    corner_normals: np.ndarray  # (K, 3) unit, object
+    corner_normals: np.ndarray  # (K, 3) unit, object; zero of flat faces
     corner_uvs: np.ndarray  # (K, 2), or (0, 2) where nobody asks for them
     face_starts: np.ndarray  # (F,) corner
     face_materials: np.ndarray  # (F,) slot
@@ -123,7 +123,7 @@ def read_faces(mesh: bpy.types.Mesh, wanted: frozenset[str], warn: Callable[[str
         # The attribute is copied as a block; `vertices` and `loops` are read one by one.
         positions=_read(attributes["position"].data, "vector", len(mesh.vertices), 3),
         corner_vertices=_read(attributes[".corner_vert"].data, "value", corners, 0),
-        corner_normals=_read(mesh.corner_normals, "vector", corners, 3),
+        corner_normals=_corner_normals(mesh, starts),
         corner_uvs=(
             _read(uv_map.uv, "vector", corners, 2) if uv_map else np.empty((0, 2), np.float32)
         ),
@@ -169,6 +169,34 @@ def triangle_arrays(mesh: bpy.types.Mesh, faces: Faces) -> dict[str, np.ndarray]
         ).reshape(-1, count, 3, 4),
         "material_slots": faces.face_materials.take(polygons).view(np.uint32),
     }
+
+
+def _corner_normals(mesh: bpy.types.Mesh, face_starts: np.ndarray) -> np.ndarray:
+    """Normals (K, 3) of the corners; zero, the triangle's own, where Cycles shades triangles flat.
+
+    A flat face that is no plane has several triangles, each with a normal of its own; Blender says
+    that of the whole face. Where edges are sharp or normals are custom Cycles takes that as well.
+    """
+    corners = len(mesh.loops)
+    if mesh.normals_domain == "FACE" and not mesh.has_custom_normals:
+        return np.zeros((corners, 3), np.float32)
+    normals = _read(mesh.corner_normals, "vector", corners, 3)
+    if mesh.normals_domain == "CORNER" and not mesh.has_custom_normals:
+        is_flat, is_sharp = _flags(mesh, "sharp_face"), _flags(mesh, "sharp_edge")
+        if is_flat is not None and (is_sharp is None or not is_sharp.any()):
+            sizes = np.diff(face_starts, append=np.uint32(corners))
+            normals[np.repeat(is_flat, sizes)] = 0.0
+    return normals
+
+
+def _flags(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
+    """An attribute of truths, if the mesh has it."""
+    attribute = mesh.attributes.get(name)
+    if attribute is None or attribute.data_type != "BOOLEAN":
+        return None
+    flags = np.empty(len(attribute.data), np.bool_)
+    attribute.data.foreach_get("value", flags)
+    return flags
 
 
 def _read(collection: Any, name: str, count: int, width: int) -> np.ndarray:

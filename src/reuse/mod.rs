@@ -33,8 +33,8 @@ use crate::surface::Surface;
 pub struct View<'a> {
     /// Traces paths in the frame.
     pub tracer: Tracer<'a>,
-    /// The same in the frame without anything but its shadow catchers, if it has any.
-    pub catchers: Option<Tracer<'a>>,
+    /// Its shadow catchers, if it has any.
+    pub catchers: Option<Catchers<'a>>,
     /// Position of the frame in the window.
     pub index: usize,
     /// The window.
@@ -51,6 +51,14 @@ pub struct View<'a> {
     pub scene_size: f32,
     /// Counts rays and carries the wish to stop.
     pub progress: &'a Progress,
+}
+
+/// The shadow catchers of a frame.
+pub struct Catchers<'a> {
+    /// Traces paths in the frame without anything else.
+    pub alone: Tracer<'a>,
+    /// What number each of its instances has among all.
+    pub numbers: Vec<u32>,
 }
 
 /// One camera ray and what it met.
@@ -298,15 +306,19 @@ impl View<'_> {
 
     /// What a camera ray finds on a shadow catcher before it ends, which the picture does not show.
     fn caught(&self, ray: &Ray, sampler: &Sampler) -> Option<Caught> {
-        let alone = self.catchers.as_ref()?;
-        let surface = alone.arrive(ray, &Bounces::default(), sampler).0?;
-        let light = |tracer: &Tracer| {
-            let reflected = tracer.reflected(&surface, Bounces::default(), 1.0, sampler);
+        let Catchers { alone, numbers } = self.catchers.as_ref()?;
+        let mut surface = alone.arrive(ray, &Bounces::default(), sampler).0?;
+        let light = |tracer: &Tracer, surface: &Surface| {
+            let reflected = tracer.reflected(surface, Bounces::default(), 1.0, sampler);
             surface.emission + reflected.sum()
         };
+        let light_alone = light(alone, &surface);
+        if !surface.is_medium {
+            surface.hit.instance = numbers[surface.hit.instance as usize];
+        }
         Some(Caught {
-            among_all: light(&self.tracer),
-            alone: light(alone),
+            among_all: light(&self.tracer, &surface),
+            alone: light_alone,
         })
     }
 

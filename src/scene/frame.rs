@@ -148,7 +148,8 @@ impl SceneFrame {
     /// The frame as it would be without any things but its shadow catchers, which are then seen; `None`
     /// where it has none.
     pub fn catchers(&self) -> Option<Self> {
-        let catchers = self.instances.iter().filter(|i| i.is_catcher);
+        let catchers = self.catcher_numbers();
+        let catchers = catchers.map(|number| &self.instances[number as usize]);
         let seen = catchers.map(|catcher| Instance {
             visibility: catcher.visibility.with(RayKind::Camera),
             ..catcher.clone()
@@ -158,6 +159,14 @@ impl SceneFrame {
             instances,
             ..self.clone()
         })
+    }
+
+    /// The instances that are shadow catchers, in the order of [`SceneFrame::catchers`].
+    pub fn catcher_numbers(&self) -> impl Iterator<Item = u32> {
+        let numbered = (0u32..).zip(&self.instances);
+        numbered
+            .filter(|(_, i)| i.is_catcher)
+            .map(|(number, _)| number)
     }
 
     /// The mesh of an instance.

@@ -35,6 +35,22 @@ def bevelled_curve(stage: Stage) -> None:
     give(curve, matt(COLOR))
 
 
+def bent_quads(stage: Stage, edge_is_sharp: bool = False) -> None:
+    """Flat faces that are no planes: each of their triangles has a normal of its own."""
+    mesh = bpy.data.meshes.new("Bent")
+    side = 4
+    at = [(x, y) for y in range(side + 1) for x in range(side + 1)]
+    places = [(x - 0.5 * side, y - 0.5 * side, 0.6 * ((x * y) % 3) - 0.5) for x, y in at]
+    rows = [y * (side + 1) + x for y in range(side) for x in range(side)]
+    mesh.from_pydata(places, [], [(i, i + 1, i + side + 2, i + side + 1) for i in rows])
+    # The edge makes Blender's normals of corners count, those of whole faces.
+    mesh.polygons[0].use_smooth = True
+    mesh.edges[0].use_edge_sharp = edge_is_sharp
+    for polygon in mesh.polygons[1:]:
+        polygon.use_smooth = False
+    put(stage, mesh)
+
+
 def text(stage: Stage) -> None:
     data: Any = bpy.data.curves.new("Text", "FONT")
     data.body, data.extrude, data.align_x = "Cone", 0.2, "CENTER"
@@ -214,6 +230,8 @@ ROWS = table(
     ("curve, bevelled", bevelled_curve),
     ("curve, poly with radii", wires),
     ("text", text),
+    ("flat faces that are no planes", bent_quads),
+    ("flat faces that are no planes, a sharp edge", bent_quads, {"edge_is_sharp": True}),
     ("metaballs", metaballs),
     ("NURBS surface", nurbs_surface),
     ("subdivision", subdivided),

@@ -269,6 +269,9 @@ def bounded_lamp(stage: Stage, bounces: int) -> None:
 
 ROWS += table(
     "light",
+    ("point, below zero", lamp, {"kind": "POINT", "energy": -100.0, "shadow_soft_size": 0.3}),
+    ("area, below zero", lamp, {"kind": "AREA", "energy": -100.0, "size": 1.0}),
+    ("sun, below zero", lamp, {"kind": "SUN", "energy": -0.3, "angle": 0.1}),
     ("max bounces 0", bounded_lamp, {"bounces": 0}),
     ("max bounces 1", bounded_lamp, {"bounces": 1}),
 )

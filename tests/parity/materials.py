@@ -122,6 +122,34 @@ def two_shaders(stage: Stage, kind: str, **values: Any) -> None:
     finish(stage, tree, both)
 
 
+def layered(stage: Stage, kind: str, first: dict[str, Any], second: dict[str, Any]) -> None:
+    """Two nodes of one kind, mixed."""
+    tree = node_tree(bpy.data.materials.new("Row"))
+    both = add_node(tree, "ShaderNodeMixShader", Fac=0.4)
+    for values, socket in zip((first, second), both.inputs[1:], strict=True):
+        tree.links.new(add_node(tree, kind, **values).outputs[0], socket)
+    finish(stage, tree, both)
+
+
+def turned_normal(stage: Stage, kind: str, corrected: bool = True, **values: Any) -> None:
+    """A normal in world space, which most faces turn away from.
+
+    The cube stands off the floor: of two faces in one plane chance says which a ray meets first.
+    """
+    stage.cube.location.z += 0.1
+    tree = node_tree(bpy.data.materials.new("Row"))
+    bent = add_node(tree, "ShaderNodeNormalMap", space="WORLD", Color=(0.6, 0.1, 0.8, 1.0))
+    finish(stage, tree, add_node(tree, kind, Normal=bent.outputs[0], **values))
+    bpy.data.materials["Row"].cycles.use_bump_map_correction = corrected
+
+
+def uncorrected_bump(stage: Stage) -> None:
+    """Steep bumps with Bump Map Correction switched off."""
+    fine_bump(stage, Strength=1.0)
+    for material in bpy.data.materials:
+        material.cycles.use_bump_map_correction = False
+
+
 def finish(stage: Stage, tree: Any, shader_node: Any) -> None:
     """Make a shader the surface, and give the material to ball, cube and floor."""
     tree.links.new(shader_node.outputs[0], output(tree).inputs["Surface"])
@@ -262,6 +290,21 @@ def on_image(stage: Stage, kind: str, socket: str = "Color", out: int = 0, **val
     finish(stage, tree, add_node(tree, "ShaderNodeBsdfDiffuse", Color=node.outputs[out]))
 
 
+LAYERS = {
+    "Base Color": ORANGE,
+    "Metallic": 0.3,
+    "Transmission Weight": 0.2,
+    "Coat Weight": 0.7,
+    "Sheen Weight": 0.4,
+    "Diffuse Roughness": 0.3,
+    "Roughness": 0.4,
+}
+OTHER_LAYERS = LAYERS | {
+    "Base Color": (0.2, 0.3, 0.8, 1.0),
+    "Roughness": 0.7,
+    "Coat Roughness": 0.2,
+}
+
 SHADERS = table(
     "shader",
     ("None", bare),
@@ -298,6 +341,8 @@ SHADERS = table(
     ("Principled, thin film over a colour, rough, tinted", principled, {"Roughness": 0.6, "Thin Film Thickness": 250.0, "Thin Film IOR": 1.8, "Specular Tint": (0.2, 0.9, 0.3, 1.0), "Specular IOR Level": 1.0}),
     ("Principled, thin film over half metal below a coat", principled, {"Metallic": 0.5, "Roughness": 0.4, "Thin Film Thickness": 600.0, "Thin Film IOR": 1.6, "Coat Weight": 0.5}),
     ("Principled, thin film, transmission", glass, {"kind": PRINCIPLED, "Transmission Weight": 1.0, "Roughness": 0.1, "Base Color": ORANGE, "Thin Film Thickness": 450.0, "Thin Film IOR": 2.0}),
+    ("Principled, IOR 0.6", principled, {"IOR": 0.6, "Roughness": 0.3}),
+    ("Principled, two of many layers", layered, {"kind": PRINCIPLED, "first": LAYERS, "second": OTHER_LAYERS}),
     ("Principled, rough diffuse", principled, {"Diffuse Roughness": 0.8}),
     ("Principled, transmission", glass, {"kind": PRINCIPLED, "Transmission Weight": 1.0, "Roughness": 0.0}),
     ("Principled, rough transmission", glass, {"kind": PRINCIPLED, "Transmission Weight": 1.0, "Roughness": 0.4, "Base Color": ORANGE}),
@@ -337,6 +382,14 @@ SHADERS = table(
     ("Subsurface Scattering, wide", shader, {"kind": "ShaderNodeSubsurfaceScattering", "Scale": 1.0}),
     ("Subsurface Scattering, skin", shader, {"kind": "ShaderNodeSubsurfaceScattering", "Scale": 0.3, "falloff": "RANDOM_WALK_SKIN"}),
     ("Subsurface Scattering, Burley", see_through, {"kind": "ShaderNodeSubsurfaceScattering", "Scale": 1.0, "falloff": "BURLEY"}),
+    ("Subsurface Scattering, two", layered, {"kind": "ShaderNodeSubsurfaceScattering", "first": {"Color": ORANGE, "Scale": 0.1}, "second": {"Color": (0.2, 0.7, 0.9, 1.0), "Scale": 0.6, "falloff": "RANDOM_WALK_SKIN"}}),
+    ("Emission, below zero", shader, {"kind": "ShaderNodeEmission", "Color": ORANGE, "Strength": -0.1}),
+    ("Diffuse, turned normal", turned_normal, {"kind": "ShaderNodeBsdfDiffuse"}),
+    ("Translucent, turned normal", turned_normal, {"kind": "ShaderNodeBsdfTranslucent"}),
+    ("Glossy, turned normal", turned_normal, {"kind": "ShaderNodeBsdfAnisotropic", "Roughness": 0.4}),
+    ("Principled, turned normal", turned_normal, {"kind": PRINCIPLED}),
+    ("Principled, turned normal, no correction", turned_normal, {"kind": PRINCIPLED, "corrected": False}),
+    ("bumps without correction", uncorrected_bump),
     ("Holdout", shader, {"kind": "ShaderNodeHoldout"}),
     ("Mix Shader", two_shaders, {"kind": "ShaderNodeMixShader", "Fac": 0.4}),
     ("Add Shader", two_shaders, {"kind": "ShaderNodeAddShader"}),
@@ -382,6 +435,7 @@ TEXTURES = table(
     ("Brick", texture, {"kind": "ShaderNodeTexBrick", "Scale": 4.0}),
     ("Gradient", texture, {"kind": "ShaderNodeTexGradient"}),
     ("White Noise", texture, {"kind": "ShaderNodeTexWhiteNoise", "out": "Color"}),
+    ("White Noise without a vector", value_in, {"kind": "ShaderNodeTexWhiteNoise", "out": "Color"}),
     ("Fresnel", value_in, {"kind": "ShaderNodeFresnel", "IOR": 1.45}),
     ("Layer Weight", value_in, {"kind": "ShaderNodeLayerWeight", "out": "Facing", "Blend": 0.4}),
     ("Normal", value_in, {"kind": "ShaderNodeNewGeometry", "out": "Normal"}),

@@ -54,6 +54,14 @@ def shadow_on_background(stage: Stage) -> None:
     stage.floor.is_shadow_catcher = True
 
 
+def later_catcher(stage: Stage) -> None:
+    """A ball of few faces catches the cube's shadow, and is not the first thing of the scene."""
+    stage.scene.render.film_transparent = True
+    stage.ball.is_shadow_catcher = True
+    stage.cube.location = (0.9, -0.9, 1.6)
+    stage.floor.hide_render = True
+
+
 def override(stage: Stage) -> None:
     stage.scene.view_layers[0].material_override = matt((0.6, 0.6, 0.2))
 
@@ -72,6 +80,7 @@ ROWS = table(
     ("object, holdout", flagged, {"is_holdout": True}),
     ("object, shadow catcher", shadow_catcher),
     ("object, shadow catcher, background shown", shadow_on_background),
+    ("object, shadow catcher among others", later_catcher),
     ("object, hidden in renders", hidden_in_render),
     ("collection, excluded", in_collection, {"exclude": True}),
     ("collection, holdout", in_collection, {"holdout": True}),

@@ -313,7 +313,7 @@ def test_an_object_in_edit_mode_is_exported() -> None:
 
 def test_corner_normals_and_uvs_follow_their_corners() -> None:
     owner = add_mesh()
-    owner.data.polygons[0].use_smooth = False
+    owner.data.shade_smooth()
     layers = owner.data.uv_layers
     first, second = layers.new(name="First"), layers.new(name="Second")
     corners = len(owner.data.loops)
@@ -328,12 +328,39 @@ def test_corner_normals_and_uvs_follow_their_corners() -> None:
     for row, triangle in enumerate(owner.data.loop_triangles):
         assert np.array_equal(mesh.corner_uvs[row], uv_of_loop[list(triangle.loops)])
         assert list(mesh.triangles[row]) == list(triangle.vertices)
-        normals = [owner.data.corner_normals[loop].vector for loop in triangle.loops]
-        assert np.allclose(mesh.corner_normals[row], normals)
-    a, b, c = mesh.vertices[mesh.triangles[0]]
-    assert np.allclose(
-        mesh.corner_normals[0], np.cross(b - a, c - a) / np.linalg.norm(np.cross(b - a, c - a))
-    )
+        assert np.allclose(mesh.corner_normals[row], normals_of(owner, triangle, flat=set()))
+
+
+def normals_of(owner: Any, triangle: Any, flat: set[int]) -> Any:
+    """Blender's normals of a triangle's corners; zeros, its own, where its face is flat."""
+    if triangle.polygon_index in flat:
+        return np.zeros((3, 3))
+    return [owner.data.corner_normals[loop].vector for loop in triangle.loops]
+
+
+def test_flat_faces_have_a_normal_for_each_triangle() -> None:
+    owner = add_mesh()
+    mesh = owner.data
+    everything = set(range(len(mesh.polygons)))
+
+    def check(flat: set[int]) -> None:
+        rows = export_now().meshes[0].corner_normals
+        mesh.calc_loop_triangles()
+        expected = [normals_of(owner, triangle, flat) for triangle in mesh.loop_triangles]
+        assert np.allclose(rows, expected)
+
+    mesh.shade_flat()
+    check(flat=everything)
+    mesh.shade_smooth()
+    check(flat=set())
+    mesh.polygons[0].use_smooth = False
+    check(flat={0})
+    # Now Blender's normals of corners count, those of flat faces among them.
+    mesh.edges[0].use_edge_sharp = True
+    check(flat=set())
+    mesh.edges[0].use_edge_sharp = False
+    mesh.normals_split_custom_set([(0.0, 0.6, 0.8)] * len(mesh.loops))
+    check(flat=set())
 
 
 def test_arrays_keep_the_contract() -> None:
