@@ -20,7 +20,7 @@ HOST_WHEEL := $(if $(filter Linux,$(shell uname -s)),--zig --compatibility manyl
 CORE_FILES := Cargo.toml Cargo.lock .cargo/config.toml pyproject.toml $(shell find src python -type f -name '*.[rp][sy]*')
 ADDON_FILES := $(shell find addon -type f -not -name '*.pyc')
 
-.PHONY: help demo test lint format test-rust test-python test-blender extension extension-full extension-all bench bench-embree profile bench-paper scaling chart parity parity-references stability clean
+.PHONY: help demo test lint format test-rust test-python test-blender extension extension-full extension-all bench bench-embree profile bench-paper scaling chart fuzz parity parity-references stability clean
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -103,6 +103,12 @@ chart: $(VENVS)/chart/.ready build/site/.ready ## speed against accuracy, Cycles
 
 parity: $(BPY_NEW)/.ready build/site/.ready ## every feature against Cycles: out/parity/index.html and docs/parity.md
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/parity.py --write-docs
+
+# `make fuzz FUZZ=100-199` makes other scenes: a number is one.
+FUZZ ?= 0-49
+
+fuzz: $(BPY_NEW)/.ready build/site/.ready ## scenes that chance makes against Cycles; what differs is reduced to its cause
+	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/fuzz_parity.py $(subst -, ,$(FUZZ)) --keep out/fuzz
 
 parity-references: $(BPY_NEW)/.ready build/site/.ready ## render the pictures of Cycles in tests/parity/references anew
 	PYTHONPATH=build/site $(BPY_NEW)/bin/python scripts/parity.py --references

@@ -20,6 +20,7 @@ use crate::subsurface::Subsurface;
 mod hair;
 
 /// A point on a surface, seen along a ray.
+#[derive(Clone)]
 pub struct Surface {
     /// The hit.
     pub hit: Hit,

@@ -16,6 +16,7 @@ pub use light_tree::LightTree;
 use glam::{Vec2, Vec3A};
 use rayon::prelude::*;
 
+use crate::accel::Hit;
 use crate::contract::{Method, Settings};
 use crate::error::{Error, Result};
 use crate::film::{Caught, Extra, Film, Pixel, Region, Sighting};
@@ -71,6 +72,8 @@ pub struct Shot {
     ray: Option<Ray>,
     passed: Passed,
     is_hole: bool,
+    /// The shadow catcher at its end: the camera sees its shadows, and past them the background.
+    catcher: Option<Surface>,
 }
 
 /// What the camera sees along a ray, but for what the surface reflects.
@@ -192,8 +195,14 @@ impl View<'_> {
                 ray: None,
                 passed: Passed::default(),
                 is_hole: false,
+                catcher: None,
             };
         };
+        let catchers = self.catchers.as_ref();
+        let catcher = catchers.and_then(|c| c.alone.arrive(&ray, &Bounces::default(), &sampler).0);
+        if let Some(catcher) = &catcher {
+            ray.t_max = catcher.distance;
+        }
         let (surface, passed) = tracer.arrive(&ray, &Bounces::default(), &sampler);
         if let Some(surface) = &surface {
             ray.t_max = surface.distance;
@@ -205,6 +214,7 @@ impl View<'_> {
         let is_hole = surface.as_ref().is_some_and(is_hole);
         Shot {
             sampler,
+            catcher: catcher.filter(|_| surface.is_none()),
             surface: surface.filter(|_| !is_hole),
             ray: Some(ray),
             passed,
@@ -254,7 +264,7 @@ impl View<'_> {
             below: surface.and_then(|surface| {
                 tracer.from_below(surface, Bounces::default(), 1.0, &shot.sampler)
             }),
-            caught: self.caught(ray, &shot.sampler),
+            caught: self.caught(shot),
         }
     }
 
@@ -304,21 +314,27 @@ impl View<'_> {
         (coverage, share * radiance)
     }
 
-    /// What a camera ray finds on a shadow catcher before it ends, which the picture does not show.
-    fn caught(&self, ray: &Ray, sampler: &Sampler) -> Option<Caught> {
-        let Catchers { alone, numbers } = self.catchers.as_ref()?;
-        let mut surface = alone.arrive(ray, &Bounces::default(), sampler).0?;
-        let light = |tracer: &Tracer, surface: &Surface| {
-            let reflected = tracer.reflected(surface, Bounces::default(), 1.0, sampler);
+    /// What a camera ray finds on the shadow catcher at its end, which the picture does not show.
+    fn caught(&self, shot: &Shot) -> Option<Caught> {
+        let (Catchers { alone, numbers }, surface) =
+            (self.catchers.as_ref()?, shot.catcher.as_ref()?);
+        let light = |tracer: &Tracer, hit: Hit| {
+            let mut surface = surface.clone();
+            surface.hit = hit;
+            let reflected = tracer.reflected(&surface, Bounces::default(), 1.0, &shot.sampler);
             surface.emission + reflected.sum()
         };
-        let light_alone = light(alone, &surface);
-        if !surface.is_medium {
-            surface.hit.instance = numbers[surface.hit.instance as usize];
-        }
+        let own = surface.hit;
+        let among_all = Hit {
+            instance: match surface.is_medium {
+                true => own.instance,
+                false => numbers[own.instance as usize],
+            },
+            ..own
+        };
         Some(Caught {
-            among_all: light(&self.tracer, &surface),
-            alone: light_alone,
+            among_all: light(&self.tracer, among_all),
+            alone: light(alone, own),
         })
     }
 

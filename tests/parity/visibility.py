@@ -55,11 +55,12 @@ def shadow_on_background(stage: Stage) -> None:
 
 
 def later_catcher(stage: Stage) -> None:
-    """A ball of few faces catches the cube's shadow, and is not the first thing of the scene."""
+    """A smooth cube catches the ball's shadow, and is not the first thing of the scene."""
     stage.scene.render.film_transparent = True
-    stage.ball.is_shadow_catcher = True
-    stage.cube.location = (0.9, -0.9, 1.6)
-    stage.floor.hide_render = True
+    stage.cube.is_shadow_catcher = True
+    stage.cube.data.shade_smooth()
+    stage.ball.location = (0.7, 0.2, 2.4)
+    stage.ball.scale = (0.4, 0.4, 0.4)
 
 
 def override(stage: Stage) -> None:

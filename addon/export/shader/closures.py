@@ -134,7 +134,7 @@ def principled(compiler: Compiler, source: Source, weight: Operand) -> None:
 
 
 def is_dark(compiler: Compiler, source: Source) -> bool:
-    """Whether a Principled BSDF's strength is a number that gives no light: negative ones do not count."""
+    """Whether a Principled BSDF's strength is a number that gives no light, as those below zero."""
     strength = source.input("Emission Strength")
     end = strength and strength.follow()
     return isinstance(end, Constant) and end.number() <= 0.0

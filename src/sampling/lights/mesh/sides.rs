@@ -8,7 +8,7 @@ use std::collections::HashMap;
 use glam::Vec3A;
 
 use super::facet::Facet;
-use crate::scene::{Mesh, SceneFrame};
+use crate::scene::{Mesh, SceneFrame, Visibility};
 
 /// To which sides of their triangles a mesh shines on others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,12 +23,14 @@ pub enum Sides {
 const TRIANGLES_MAX: usize = 1 << 17;
 
 /// Whether nobody may see one of the sides of an instance, if it is closed and glows all over: none of it is
-/// see-through, and the camera is not inside.
+/// see-through, no kind of ray passes it, and the camera is not inside.
 pub fn may_hide_a_side(frame: &SceneFrame, instance: u32) -> bool {
-    let mut materials = frame.instances[instance as usize].materials.iter();
+    let placed = &frame.instances[instance as usize];
+    let mut materials = placed.materials.iter();
     let eye = frame.camera.position();
     let holds_camera = |(low, high): (Vec3A, Vec3A)| eye.cmpge(low).all() && eye.cmple(high).all();
-    !materials.any(|&material| frame.materials[material as usize].is_see_through())
+    placed.visibility == Visibility::ALL
+        && !materials.any(|&material| frame.materials[material as usize].is_see_through())
         && !frame.bounds_of(instance).is_some_and(holds_camera)
 }
 

@@ -177,6 +177,10 @@ fn only_closed_meshes_leave_their_inner_side_to_rays() {
     ]);
     assert!(see_through.materials[0].is_see_through() && inside(&see_through));
 
+    let mut no_shadow = ball_at(1.0, center, 3.0);
+    no_shadow.instances[0].visibility = Visibility::ALL.without(RayKind::Shadow);
+    assert!(inside(&no_shadow));
+
     let open = triangles.len() - 3;
     let slots = vec![0; open / 3];
     assert!(inside(&glowing(
